@@ -1,0 +1,1 @@
+"""The session: time, threads, windows, files and commands. It composes the other packages."""

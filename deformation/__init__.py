@@ -1,0 +1,1 @@
+"""Skin over a pose: meshes, the lattice, weights, volume and flesh that moves."""

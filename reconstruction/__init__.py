@@ -1,0 +1,1 @@
+"""Poses from a few tracked points: skeletons, motions, the database and the MAP solver."""
