@@ -1,0 +1,57 @@
+"""The `sixpoint` command: puts the command groups together and turns every error into one line."""
+
+import errno
+import sys
+
+import click
+import typer
+
+from devices.errors import SixpointError
+
+app = typer.Typer(
+    name="sixpoint",
+    help="Full-body performance capture from a few positional trackers.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs one command and returns its exit status: 0 done, 2 something a user can mend, 130 interrupted."""
+    try:
+        status = app(arguments, prog_name="sixpoint", standalone_mode=False)
+    except click.exceptions.Abort:
+        return _failed("interrupted", 130)
+    except KeyboardInterrupt:
+        return _failed("interrupted", 130)
+    except click.ClickException as error:
+        return _failed(error.format_message().replace("\n", " "))
+    except SixpointError as error:
+        return _failed(str(error))
+    except BrokenPipeError:
+        return 0
+    except OSError as error:
+        return _failed(_os_message(error))
+    return status if isinstance(status, int) else 0
+
+
+def _failed(message: str, status: int = 2) -> int:
+    print(f"sixpoint: {message}", file=sys.stderr)
+    return status
+
+
+def _os_message(error: OSError) -> str:
+    """A system error in words: which file, and what would mend the common ones."""
+    where = f"{error.filename}: " if error.filename else ""
+    remedy = {errno.ENOSPC: "; free some space and run it again", errno.EACCES: "; check who may read and write there"}
+    return f"{where}{error.strerror or error}{remedy.get(error.errno or 0, '')}"
+
+
+def script() -> None:
+    """The console script's entry point."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    script()
