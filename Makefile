@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 # A virtual environment without its own pip, filled by the pip outside it: works on a Debian without python3-venv.
-PIP := $(PYTHON) -m pip --python $(BIN)/python --disable-pip-version-check --quiet
+PIP := $(PYTHON) -m pip --python $(BIN)/python --disable-pip-version-check -qq
 
 .PHONY: help demo test lint types layers check bench lock clean
 .DEFAULT_GOAL := help
