@@ -1,0 +1,24 @@
+"""Meshes from files: `read_mesh` knows the format by the file's ending."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from deformation.mesh import Mesh
+from deformation.mesh_files.obj import read_obj
+from devices.errors import FileError
+
+_READERS: dict[str, Callable[[Path], Mesh]] = {".obj": read_obj}
+
+
+def read_mesh(path: str | Path) -> Mesh:
+    """The mesh in a file, in the file's own units and axes. Raises FileError, which names the file and the line."""
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileError(f"{path}: no mesh format is called {path.suffix!r}: use {', '.join(_READERS)}")
+    if not path.is_file():
+        raise FileError(f"{path}: no such file")
+    mesh = reader(path)
+    if not len(mesh.triangulated):
+        raise FileError(f"{path}: it has no faces; a mesh needs at least one")
+    return mesh
