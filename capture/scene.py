@@ -1,0 +1,183 @@
+"""One picture, described without saying who draws it: surfaces, lines, spheres, a floor, a camera and some words.
+
+The window (`capture.viewer`) and the headless renderer (`capture.raster`) draw the same `Scene`. World axes are those
+of the whole system: metres, Y up, the performer faces +Z. Colours are sRGB, 0 to 1.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from devices.frame import TrackerFrame, TrackerState
+from reconstruction.skeleton import Skeleton
+
+Colour = tuple[float, float, float]
+
+CLAY: Colour = (0.80, 0.66, 0.54)
+"""The plain colour of a character that has none of its own."""
+BONE: Colour = (0.98, 0.80, 0.30)
+GHOST: Colour = (0.45, 0.62, 0.85)
+LATTICE: Colour = (0.16, 0.52, 0.66)
+
+STATE_COLOURS: Mapping[TrackerState, Colour] = {
+    TrackerState.MISSING: (0.85, 0.22, 0.20),
+    TrackerState.MEASURED: (0.16, 0.70, 0.42),
+    TrackerState.EXTRAPOLATED: (0.98, 0.66, 0.14),
+}
+"""What colour a tracker has in each state."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that circles its target.
+
+    target: metres, world; distance: metres from it to the eye.
+    yaw: radians about +Y; 0 looks at the performer's face, positive walks towards the performer's left.
+    pitch: radians; positive looks down from above.
+    fov: radians, vertical opening angle.
+    """
+
+    target: tuple[float, float, float] = (0.0, 0.95, 0.0)
+    distance: float = 4.2
+    yaw: float = 0.45
+    pitch: float = 0.14
+    fov: float = 0.52
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """`R_camera_world` (3, 3): rows are the camera's right, up and backward directions in the world."""
+        cos_pitch, sin_pitch = math.cos(self.pitch), math.sin(self.pitch)
+        cos_yaw, sin_yaw = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array(
+            [
+                [cos_yaw, 0.0, -sin_yaw],
+                [-sin_yaw * sin_pitch, cos_pitch, -cos_yaw * sin_pitch],
+                [sin_yaw * cos_pitch, sin_pitch, cos_yaw * cos_pitch],
+            ]
+        )
+
+    @property
+    def eye(self) -> NDArray[np.float64]:
+        """(3,) metres, world."""
+        return np.array(self.target) + self.distance * self.axes[2]
+
+    def orbited(self, yaw: float = 0.0, pitch: float = 0.0, zoom: float = 1.0) -> "Camera":
+        """Turned by radians about its target and brought `zoom` times nearer; never over the poles."""
+        limit = math.radians(89)
+        pitch = min(max(self.pitch + pitch, -limit), limit)
+        return replace(self, yaw=self.yaw + yaw, pitch=pitch, distance=self.distance / zoom)
+
+    def framed(self, points: NDArray[np.float64], aspect: float = 16 / 9, margin: float = 1.12) -> "Camera":
+        """Moved along its own directions until `points` (N, 3) just fit a picture `aspect` times as wide as high."""
+        points = points[np.isfinite(points).all(axis=1)]
+        if not len(points):
+            return self
+        right, up, backward = (points @ self.axes.T).T
+        tan_y = math.tan(self.fov / 2) / margin
+        tan_x = tan_y * aspect
+        centre_x, centre_y = (right.max() + right.min()) / 2, (up.max() + up.min()) / 2
+        reach = np.maximum(np.abs(right - centre_x) / tan_x, np.abs(up - centre_y) / tan_y)
+        centre_z = (backward.max() + backward.min()) / 2
+        distance = float((reach + backward).max() - centre_z)
+        target = np.array([centre_x, centre_y, centre_z]) @ self.axes
+        return replace(self, target=(float(target[0]), float(target[1]), float(target[2])), distance=max(distance, 0.1))
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A triangle mesh.
+
+    vertices: (V, 3) metres, world; triangles: (F, 3) counter-clockwise seen from outside.
+    normals: (V, 3) unit, or None: then the renderer makes area-weighted ones.
+    colours: (3,) for the whole surface or (V, 3).
+    opacity: 1 is solid; less is a ghost that casts no shadow.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.integer]
+    normals: NDArray[np.float64] | None = None
+    colours: ArrayLike = CLAY
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Straight strokes.
+
+    points: (N, 3) metres, world; segments: (S, 2) indices of their ends.
+    colours: (3,) or (S, 3); width: pixels of a picture 540 high.
+    opacity: of the part in sight; through: of the part that a surface hides (0 hides it, 1 draws it over everything).
+    """
+
+    points: NDArray[np.float64]
+    segments: NDArray[np.integer]
+    colours: ArrayLike = LATTICE
+    width: float = 1.5
+    opacity: float = 1.0
+    through: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Spheres:
+    """Shaded balls.
+
+    centres: (N, 3) metres, world, rows of NaN are left out; radii: metres, () or (N,); the rest as in `Lines`.
+    """
+
+    centres: NDArray[np.float64]
+    radii: ArrayLike = 0.03
+    colours: ArrayLike = BONE
+    opacity: float = 1.0
+    through: float = 0.0
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The studio floor in the plane y = `height`; its grid has a line every `spacing` metres, every second stronger."""
+
+    height: float = 0.0
+    spacing: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that one picture shows. title: top left; status: lines of text at the bottom left."""
+
+    surfaces: tuple[Surface, ...] = ()
+    lines: tuple[Lines, ...] = ()
+    spheres: tuple[Spheres, ...] = ()
+    camera: Camera = field(default_factory=Camera)
+    floor: Floor | None = field(default_factory=Floor)
+    title: str = ""
+    status: tuple[str, ...] = ()
+
+    def points(self) -> NDArray[np.float64]:
+        """(N, 3) every point it holds, for framing."""
+        parts = [s.vertices for s in self.surfaces] + [x.points for x in self.lines] + [s.centres for s in self.spheres]
+        return np.concatenate([np.empty((0, 3)), *parts])
+
+    def framed(self, aspect: float = 16 / 9, margin: float = 1.12) -> "Scene":
+        """The same with its camera moved to hold everything."""
+        return replace(self, camera=self.camera.framed(self.points(), aspect, margin))
+
+
+def tracker_spheres(frame: TrackerFrame, radius: float = 0.035) -> Spheres:
+    """The trackers of one frame in the colours of their states; those without a position are left out."""
+    colours = np.array([STATE_COLOURS[TrackerState(int(state))] for state in frame.states])
+    return Spheres(frame.positions, radius, colours, through=0.55)
+
+
+def skeleton_marks(
+    skeleton: Skeleton, joints: NDArray[np.float64], colour: Colour = BONE, opacity: float = 1.0
+) -> tuple[Lines, Spheres]:
+    """Bones as lines and joints as balls, seen through the skin. joints: (J, 3) metres, world."""
+    children = np.flatnonzero(skeleton.parents >= 0)
+    bones = np.column_stack([skeleton.parents[children], children]).astype(np.int32)
+    turning = joints[~skeleton.is_end]
+    return (
+        Lines(joints, bones, colour, width=3.0, opacity=opacity, through=0.6 * opacity),
+        Spheres(turning, 0.016, colour, opacity=opacity, through=0.6 * opacity),
+    )
