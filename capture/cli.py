@@ -3,8 +3,8 @@
 import errno
 import sys
 
-import click
 import typer
+from typer.exceptions import Abort, TyperException
 
 from devices.errors import SixpointError
 
@@ -21,12 +21,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Runs one command and returns its exit status: 0 done, 2 something a user can mend, 130 interrupted."""
     try:
         status = app(arguments, prog_name="sixpoint", standalone_mode=False)
-    except click.exceptions.Abort:
+    except Abort:
         return _failed("interrupted", 130)
     except KeyboardInterrupt:
         return _failed("interrupted", 130)
-    except click.ClickException as error:
-        return _failed(error.format_message().replace("\n", " "))
+    except TyperException as error:
+        return _failed(" ".join(getattr(error, "format_message", error.__str__)().split()))
     except SixpointError as error:
         return _failed(str(error))
     except BrokenPipeError:

@@ -1,0 +1,181 @@
+"""`session.toml`: what a live session is, validated as a whole, every wrong key named with its line."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from devices.errors import FileError, SettingError
+from devices.sample import ROLES
+
+Role = Literal["root", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class PerformerConfig(_Section):
+    """Who is captured."""
+
+    height_m: Annotated[float, Field(ge=0.8, le=2.5)] = 1.75
+    """Stature in metres, barefoot; the database's skeleton is scaled to it."""
+    tracker_offsets_m: dict[Role, tuple[float, float, float]] = {}
+    """Where a tracker sits from its joint, in the joint's frame, metres."""
+
+
+class DatabaseConfig(_Section):
+    """What poses the solver knows."""
+
+    path: str = "library"
+    """A folder made by `sixpoint database build`, or `library` for the one that comes with sixpoint."""
+
+
+class SolverConfig(_Section):
+    """How poses are solved."""
+
+    rate_hz: Annotated[float, Field(ge=10, le=240)] = 60.0
+    """Poses a second."""
+    latency_ms: Annotated[float, Field(ge=0, le=200)] = 25.0
+    """How long a frame waits for late samples before it is put together, in milliseconds."""
+    method: Literal["default", "paper"] = "default"
+    """`paper` is the reconstruction paper to the letter."""
+
+
+class CharacterConfig(_Section):
+    """What is shown."""
+
+    mesh: str = "mannequin"
+    """`mannequin`, or the path of an OBJ, PLY, GLB or VRM character."""
+    resolution: Literal["low", "medium", "high"] = "medium"
+    """The mannequin's: about 7,000, 13,000 or 28,000 vertices."""
+
+
+class DeviceConfig(_Section):
+    """One device: how to reach it, how it stands in the room, and who wears its trackers."""
+
+    name: str = "trackers"
+    protocol: str = "generic"
+    """A name that `sixpoint devices` lists."""
+    port: str = ""
+    """`/dev/ttyUSB0`, `COM3`, `socket://host:port`, or empty to look for the device."""
+    baud: Annotated[int, Field(ge=300, le=12_000_000)] | None = None
+    """Bits a second; empty for what the protocol prefers."""
+    trackers: dict[str, Role] = {}
+    """The device's own tracker number or name to a role; empty where the device says it itself."""
+    room_translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the device's origin lies in the room, metres."""
+    room_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """How far the device's axes are turned about the vertical, degrees."""
+
+
+class RecordConfig(_Section):
+    """What is kept."""
+
+    folder: str = "takes"
+    """Where takes go when no name is given."""
+
+
+class SessionConfig(_Section):
+    """The whole of `session.toml`."""
+
+    performer: PerformerConfig = PerformerConfig()
+    database: DatabaseConfig = DatabaseConfig()
+    solver: SolverConfig = SolverConfig()
+    character: CharacterConfig = CharacterConfig()
+    record: RecordConfig = RecordConfig()
+    device: tuple[DeviceConfig, ...] = ()
+
+
+def read_config(path: str | Path) -> SessionConfig:
+    """The configuration in a TOML file. Raises FileError (not there, not TOML) or SettingError (every wrong key)."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        values = tomllib.loads(text)
+    except FileNotFoundError:
+        raise FileError(f"{path}: no such file; `sixpoint config init` writes one to start from") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: not TOML: {error}") from None
+    try:
+        return SessionConfig.model_validate(values)
+    except ValidationError as error:
+        problems = [_problem(path, text, dict(item)) for item in error.errors()]
+        raise SettingError("; ".join(problems)) from None
+
+
+def _problem(path: Path, text: str, item: dict) -> str:
+    """One wrong key as `file:line: key: what is wrong`."""
+    keys = [str(k) for k in item["loc"]]
+    shown = ".".join(keys)
+    where = f"{path}:{line_of(text, keys)}"
+    if item["type"] == "extra_forbidden":
+        return f"{where}: unknown key {shown!r}: use {', '.join(_allowed(keys[:-1]))}"
+    if keys[0] == "device" and "trackers" in keys and item["type"] == "literal_error":
+        return f"{where}: {shown}: unknown tracker role {item['input']!r}: use {', '.join(ROLES)}"
+    return f"{where}: {shown}: {item['msg'].lower()}, not {item['input']!r}"
+
+
+def _allowed(keys: list[str]) -> list[str]:
+    """The keys that may stand in the section at that place."""
+    sections = {name: field.annotation for name, field in SessionConfig.model_fields.items() if name != "device"} | {
+        "device": DeviceConfig
+    }
+    model = sections.get(keys[0], SessionConfig) if keys else SessionConfig
+    return list(model.model_fields)  # type: ignore[union-attr]
+
+
+def line_of(text: str, keys: list[str]) -> int:
+    """The line, from 1, on which the innermost of these nested keys stands, or else that of its section."""
+    best, section, counts = 1, [], {}
+    for number, line in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*\[(\[?)\s*([^\]]+?)\s*\]", line)
+        if header:
+            section = [part.strip().strip("\"'") for part in header[2].split(".")]
+            if header[1]:
+                counts[section[0]] = counts.get(section[0], -1) + 1
+            if section[0] in counts:
+                section.insert(1, str(counts[section[0]]))
+            full = section
+        else:
+            key = re.match(r"\s*([\w.\-\"']+)\s*=", line)
+            if not key:
+                continue
+            full = section + [part.strip("\"'") for part in key[1].split(".")]
+        if full == keys[: len(full)]:
+            best = number
+            if len(full) == len(keys):
+                break
+    return best
+
+
+def commented_config(config: SessionConfig | None = None) -> str:
+    """A `session.toml` with every key at its default, its meaning and its range above it."""
+    config = config or SessionConfig()
+    lines = ["# A sixpoint session. Every key may be left out; what stands here is the default.", ""]
+    for name in SessionConfig.model_fields:
+        section = DeviceConfig() if name == "device" else getattr(config, name)
+        lines += [f"# {(type(section).__doc__ or '').strip()}", "[[device]]" if name == "device" else f"[{name}]"]
+        for key, field in type(section).model_fields.items():
+            lines += [f"# {field.description}{_range(field.metadata)}"] if field.description else []
+            value = getattr(section, key)
+            lines.append(f"# {key} =" if value is None else f"{key} = {_toml(value)}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _range(metadata: list) -> str:
+    bounds = {type(item).__name__: item for item in metadata}
+    return f" Range {bounds['Ge'].ge} to {bounds['Le'].le}." if {"Ge", "Le"} <= bounds.keys() else ""
+
+
+def _toml(value: object) -> str:
+    import tomlkit
+
+    if isinstance(value, dict):
+        table = tomlkit.inline_table()
+        table.update({key: list(item) if isinstance(item, tuple) else item for key, item in value.items()})
+        return table.as_string()
+    return tomlkit.item(list(value) if isinstance(value, tuple) else value).as_string()
