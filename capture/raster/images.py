@@ -1,0 +1,33 @@
+"""Pictures on disk and pictures side by side."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def save_png(image: NDArray[np.uint8], path: str | Path) -> None:
+    """Writes (H, W, 3) sRGB bytes as PNG, beside and renamed into place. Raises OSError."""
+    from PIL import Image
+
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        Image.fromarray(image).save(partial, format="PNG", compress_level=6)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def contact_sheet(images: Sequence[NDArray[np.uint8]], columns: int = 4, gap: int = 6) -> NDArray[np.uint8]:
+    """Pictures of one size (H, W, 3) in rows of `columns`, on white, `gap` pixels apart."""
+    height, width = images[0].shape[:2]
+    columns = min(columns, len(images))
+    rows = -(-len(images) // columns)
+    sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), 255, np.uint8)
+    for index, image in enumerate(images):
+        top, left = index // columns * (height + gap), index % columns * (width + gap)
+        sheet[top : top + height, left : left + width] = image
+    return sheet

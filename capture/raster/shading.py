@@ -1,0 +1,190 @@
+"""The light on a surface: what each pixel shows, its ambient occlusion and its colour under the studio lights."""
+
+import numpy as np
+from numba import njit
+
+_AO_TAPS = 14
+_AO_RADIUS_M = 0.16
+_SHADOW_SOFTNESS_M = 0.012
+
+
+@njit(cache=True, inline="always")
+def _shares(corners, triangle, x, y):
+    """Perspective-correct barycentric coordinates of a sample, and whether the triangle's front is seen."""
+    a, b, c = corners[triangle[0]], corners[triangle[1]], corners[triangle[2]]
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    share_b = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+    share_c = ((y - a[1]) * (b[0] - a[0]) - (x - a[0]) * (b[1] - a[1])) / area
+    u, v, w = (1.0 - share_b - share_c) * a[2], share_b * b[2], share_c * c[2]
+    total = u + v + w
+    return u / total, v / total, w / total, area < 0.0
+
+
+@njit(cache=True, inline="always")
+def _blend(values, triangle, u, v, w, axis):
+    return u * values[triangle[0], axis] + v * values[triangle[1], axis] + w * values[triangle[2], axis]
+
+
+@njit(
+    "void(i4[:,::1], f8[:,::1], i4[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i8, f4[:,:,::1])",
+    cache=True,
+)
+def resolve_samples(owner, corners, triangles, vertices, normals, colours, samples, pixels):
+    """What the surface is at each pixel: pixels (H, W, 10) gets position, normal, colour (3 each) and coverage, summed.
+
+    owner: (H * samples, W * samples) from `fill_triangles` with the same corners. vertices: (V, 3) metres; normals:
+    (V, 3); colours: (V, 3) linear. Every pixel holds the mean of its covered samples; the normal looks to the eye.
+    """
+    rows, columns = pixels.shape[:2]
+    for row in range(rows):
+        for column in range(columns):
+            covered = 0
+            for sub in range(samples * samples):
+                y, x = row * samples + sub // samples, column * samples + sub % samples
+                face = owner[y, x]
+                if face < 0:
+                    continue
+                triangle = triangles[face]
+                u, v, w, front = _shares(corners, triangle, x + 0.5, y + 0.5)
+                facing = 1.0 if front else -1.0
+                for axis in range(3):
+                    pixels[row, column, axis] += _blend(vertices, triangle, u, v, w, axis)
+                    pixels[row, column, 3 + axis] += facing * _blend(normals, triangle, u, v, w, axis)
+                    pixels[row, column, 6 + axis] += _blend(colours, triangle, u, v, w, axis)
+                covered += 1
+            if covered:
+                for value in range(9):
+                    pixels[row, column, value] /= covered
+                pixels[row, column, 9] = covered / (samples * samples)
+
+
+@njit("void(f4[:,:,::1], f8[::1], f8[:,::1], f8, f4[:,::1])", cache=True)
+def occlude(pixels, eye, axes, focal, openness):
+    """Ambient occlusion from the picture itself, in place: openness (H, W), 1 where nothing stands near.
+
+    After McGuire et al., The Alchemy Screen-Space Ambient Obscurance Algorithm (HPG 2011), eq. 10, with points of a
+    spiral whose turn changes over 4 x 4 pixels; the caller averages over those. focal: pixels. axes: `R_camera_world`.
+    """
+    rows, columns = openness.shape
+    for row in range(rows):
+        for column in range(columns):
+            if pixels[row, column, 9] == 0.0:
+                continue
+            here = pixels[row, column]
+            depth = 0.0
+            for axis in range(3):
+                depth += (eye[axis] - here[axis]) * axes[2, axis]
+            reach = min(focal * _AO_RADIUS_M / depth, 120.0)
+            turn = 0.3926990817 * ((row % 4) * 4 + column % 4) * 7.0
+            hidden = 0.0
+            for tap in range(_AO_TAPS):
+                distance = reach * np.sqrt((tap + 0.5) / _AO_TAPS)
+                angle = turn + 2.399963 * tap
+                y, x = row + int(distance * np.sin(angle)), column + int(distance * np.cos(angle))
+                if y < 0 or x < 0 or y >= rows or x >= columns or pixels[y, x, 9] == 0.0:
+                    continue
+                along, square = 0.0, 0.0
+                for axis in range(3):
+                    step = pixels[y, x, axis] - here[axis]
+                    along += step * here[3 + axis]
+                    square += step * step
+                if square < 4.0 * _AO_RADIUS_M * _AO_RADIUS_M:
+                    hidden += max(along - 0.002 * depth, 0.0) / (square + 0.0004)
+            openness[row, column] = max(0.0, 1.0 - 1.1 * _AO_RADIUS_M * hidden / _AO_TAPS) ** 1.2
+
+
+@njit("void(f4[:,::1], f4[:,:,::1], f4[:,::1])", cache=True)
+def smooth_openness(openness, pixels, smooth):
+    """The mean of `openness` over 4 x 4 covered pixels of like depth, into `smooth`: takes the spiral's turns out."""
+    rows, columns = openness.shape
+    for row in range(rows):
+        for column in range(columns):
+            if pixels[row, column, 9] == 0.0:
+                continue
+            total, weight = 0.0, 0.0
+            for y in range(max(row - 2, 0), min(row + 2, rows)):
+                for x in range(max(column - 2, 0), min(column + 2, columns)):
+                    if pixels[y, x, 9] == 0.0:
+                        continue
+                    square = 0.0
+                    for axis in range(3):
+                        step = pixels[y, x, axis] - pixels[row, column, axis]
+                        square += step * step
+                    if square < 0.0025:
+                        total += openness[y, x]
+                        weight += 1.0
+            smooth[row, column] = total / weight
+
+
+@njit(cache=True, inline="always")
+def _lit_share(shadow, light_axes, light_origin, texels_a_metre, x, y, z):
+    """How much of the key light reaches a point: 3 x 3 soft comparisons with the shadow map."""
+    rows, columns = shadow.shape
+    column = (x * light_axes[0, 0] + y * light_axes[0, 1] + z * light_axes[0, 2] - light_origin[0]) * texels_a_metre
+    row = (x * light_axes[1, 0] + y * light_axes[1, 1] + z * light_axes[1, 2] - light_origin[1]) * texels_a_metre
+    depth = x * light_axes[2, 0] + y * light_axes[2, 1] + z * light_axes[2, 2] - light_origin[2]
+    lit = 0.0
+    for tap in range(9):
+        v, u = int(row + 1.7 * (tap // 3 - 1)), int(column + 1.7 * (tap % 3 - 1))
+        if v < 0 or u < 0 or v >= rows or u >= columns:
+            lit += 1.0
+        else:
+            lit += 1.0 - min(max((shadow[v, u] - depth) / _SHADOW_SOFTNESS_M, 0.0), 1.0)
+    return lit / 9.0
+
+
+@njit(
+    "void(f4[:,:,::1], f4[:,::1], f8[::1], f8[:,::1], f4[:,::1], f8[:,::1], f8[::1], f8, f8, f4[:,:,::1])",
+    cache=True,
+)
+def light_pixels(pixels, openness, eye, lights, shadow, light_axes, light_origin, texels_a_metre, opacity, image):
+    """Lays the lit surface over `image` (H, W, 3) linear, in place.
+
+    lights: (3, 6) key, fill and rim: direction towards the light and its colour; only the key casts the shadow map.
+    opacity: below 1 the surface is a ghost, clearer where it faces the eye.
+    """
+    rows, columns = openness.shape
+    for row in range(rows):
+        for column in range(columns):
+            coverage = pixels[row, column, 9]
+            if coverage == 0.0:
+                continue
+            px, py, pz = pixels[row, column, 0], pixels[row, column, 1], pixels[row, column, 2]
+            nx, ny, nz = pixels[row, column, 3], pixels[row, column, 4], pixels[row, column, 5]
+            length = np.sqrt(nx * nx + ny * ny + nz * nz) + 1e-12
+            nx, ny, nz = nx / length, ny / length, nz / length
+            vx, vy, vz = eye[0] - px, eye[1] - py, eye[2] - pz
+            length = np.sqrt(vx * vx + vy * vy + vz * vz)
+            vx, vy, vz = vx / length, vy / length, vz / length
+            grazing = 1.0 - min(max(nx * vx + ny * vy + nz * vz, 0.0), 1.0)
+            open_share = openness[row, column]
+            lit = _lit_share(
+                shadow, light_axes, light_origin, texels_a_metre, px + 0.01 * nx, py + 0.01 * ny, pz + 0.01 * nz
+            )
+            sky = 0.5 + 0.5 * ny
+            red = (0.16 + 0.20 * sky) * open_share
+            green = (0.15 + 0.22 * sky) * open_share
+            blue = (0.15 + 0.25 * sky) * open_share
+            shine_red = shine_green = shine_blue = 0.0
+            for index in range(3):
+                light = lights[index]
+                cosine = nx * light[0] + ny * light[1] + nz * light[2]
+                share = lit if index == 0 else 0.4 + 0.6 * open_share
+                diffuse = share * max((cosine + 0.12) / 1.12, 0.0)
+                hx, hy, hz = light[0] + vx, light[1] + vy, light[2] + vz
+                half = (nx * hx + ny * hy + nz * hz) / (np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-12)
+                shine = share * (0.07 + 0.6 * grazing**5) * max(half, 0.0) ** 36 * (1.0 if cosine > 0.0 else 0.0)
+                if index == 2:
+                    shine += share * 0.30 * grazing**3 * max(cosine, 0.0)
+                red += diffuse * light[3]
+                green += diffuse * light[4]
+                blue += diffuse * light[5]
+                shine_red += shine * light[3]
+                shine_green += shine * light[4]
+                shine_blue += shine * light[5]
+            alpha = coverage
+            if opacity < 1.0:
+                alpha *= opacity * min(0.45 + 1.1 * grazing, 1.0)
+            image[row, column, 0] += alpha * (pixels[row, column, 6] * red + shine_red - image[row, column, 0])
+            image[row, column, 1] += alpha * (pixels[row, column, 7] * green + shine_green - image[row, column, 1])
+            image[row, column, 2] += alpha * (pixels[row, column, 8] * blue + shine_blue - image[row, column, 2])
