@@ -1,1 +1,1 @@
-"""Takes: everything a session captured, kept, read again and played back as a device."""
+"""What was captured, kept and given back: takes of raw bytes and samples, and tracks as plain tables."""

@@ -1,0 +1,137 @@
+"""Writes a take while it happens; a crash loses at most the last quarter of a second."""
+
+import json
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+
+from mcap.writer import CompressionType, Writer
+
+from devices.driver import Reading
+from devices.errors import FileError, SettingError
+from devices.sample import TrackerSample
+from replay_logs.take import METADATA_NAME, RAW_ENCODING, RecordedDevice
+
+_FLUSH_EVERY_NS = 200_000_000
+_NUMBER = {"type": "number"}
+_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+
+
+def _object(**properties: object) -> dict[str, object]:
+    return {"type": "object", "properties": properties}
+
+
+POSE_SCHEMA = {
+    "$comment": "The JSON form of Foxglove's PoseInFrame, docs.foxglove.dev/docs/sdk/schemas/pose-in-frame.",
+    "title": "foxglove.PoseInFrame",
+    **_object(
+        timestamp=_TIME,
+        frame_id={"type": "string"},
+        pose=_object(
+            position=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
+            orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+        ),
+    ),
+}
+
+
+class TakeRecorder:
+    """A take being written. Use as a context manager, or `close` it.
+
+    metadata: text by name, such as session (the configuration's text) and calibration; version and time are added.
+    Raises FileError where the file exists already or cannot be written.
+    """
+
+    def __init__(self, path: Path | str, metadata: Mapping[str, str] | None = None) -> None:
+        self.path = Path(path)
+        try:
+            self._file = self.path.open("xb")
+        except FileExistsError:
+            raise FileError(f"{path}: there is a file already; takes are not overwritten") from None
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error.strerror}") from None
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer.start(profile="sixpoint")
+        self._writer.add_metadata(METADATA_NAME, _about() | dict(metadata or {}))
+        self._schema = self._writer.register_schema(
+            "foxglove.PoseInFrame", "jsonschema", json.dumps(POSE_SCHEMA).encode()
+        )
+        self._raw: dict[str, int] = {}
+        self._poses: dict[tuple[str, str], int] = {}
+        self._flushed_ns: int | None = None
+
+    def add_device(self, device: RecordedDevice) -> None:
+        """Makes a device known, once, before its first reading."""
+        if device.name in self._raw:
+            raise SettingError(f"two devices are called {device.name!r}: give each its own name")
+        self._raw[device.name] = self._writer.register_channel(
+            f"/devices/{device.name}/raw", RAW_ENCODING, 0, device.to_metadata()
+        )
+
+    def write(self, device: str, reading: Reading) -> None:
+        """Keeps what one `read` of a device brought. Raises FileError where the disk will not take it."""
+        for chunk in reading.chunks:
+            self._writer.add_message(self._raw[device], chunk.host_time_ns, chunk.data, chunk.host_time_ns)
+        for sample in reading.samples:
+            if sample.position is not None:
+                data = pose_message(device, sample)
+                self._writer.add_message(
+                    self._pose_channel(device, sample.tracker), sample.host_time_ns, data, sample.host_time_ns
+                )
+        if reading.chunks:
+            self._flush_when_due(reading.chunks[-1].host_time_ns)
+
+    def flush(self) -> None:
+        """Hands everything so far to the operating system."""
+        try:
+            self._writer.flush()
+        except OSError as error:
+            raise FileError(f"{self.path}: recording stopped: {error.strerror}; what was kept is whole") from None
+
+    def close(self) -> None:
+        """Finishes the file: index and summary."""
+        if self._file.closed:
+            return
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> "TakeRecorder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _pose_channel(self, device: str, tracker: str) -> int:
+        key = (device, tracker)
+        if key not in self._poses:
+            self._poses[key] = self._writer.register_channel(f"/trackers/{device}/{tracker}", "json", self._schema)
+        return self._poses[key]
+
+    def _flush_when_due(self, now_ns: int) -> None:
+        if self._flushed_ns is None:
+            self._flushed_ns = now_ns
+        elif now_ns - self._flushed_ns >= _FLUSH_EVERY_NS:
+            self.flush()
+            self._flushed_ns = now_ns
+
+
+def pose_message(frame: str, sample: TrackerSample) -> bytes:
+    """A sample as a `foxglove.PoseInFrame` JSON message; without an orientation it is the identity."""
+    x, y, z = sample.position or (0.0, 0.0, 0.0)
+    qx, qy, qz, qw = sample.orientation or (0.0, 0.0, 0.0, 1.0)
+    sec, nsec = divmod(sample.host_time_ns, 1_000_000_000)
+    return (
+        f'{{"timestamp":{{"sec":{sec},"nsec":{nsec}}},"frame_id":{json.dumps(frame)},'
+        f'"pose":{{"position":{{"x":{x:.6f},"y":{y:.6f},"z":{z:.6f}}},'
+        f'"orientation":{{"x":{qx:.6f},"y":{qy:.6f},"z":{qz:.6f},"w":{qw:.6f}}}}}}}'
+    ).encode()
+
+
+def _about() -> dict[str, str]:
+    return {"format": "1", "software": f"sixpoint {version('sixpoint')}", "created": datetime.now(UTC).isoformat()}

@@ -1,0 +1,209 @@
+"""Takes: MCAP files of raw device bytes with host time, decoded samples for other tools, and what made them.
+
+One channel a device, `/devices/<name>/raw`, holds the bytes as they came; its channel metadata names the protocol, its
+options, which tracker is on which role, and where the device stands. Samples are decoded from these bytes whenever a
+take is read, so they are what the live session saw. The `/trackers/...` channels repeat them as `foxglove.PoseInFrame`
+for viewers. A metadata record `sixpoint` holds the session's configuration, the calibration and the software version.
+"""
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+
+from devices.axes import Quaternion, Vector
+from devices.driver import RawChunk
+from devices.errors import FileError
+from devices.intake import DeviceIntake, RoleReading
+from devices.protocols import make_protocol
+from devices.protocols.protocol import DeviceProtocol
+from devices.room import RoomTransform
+from devices.sample import TrackerSample
+
+METADATA_NAME = "sixpoint"
+RAW_ENCODING = "x-sixpoint-raw"
+_RECORD_HEAD = struct.Struct("<BQ")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedDevice:
+    """What a take says of one of its devices.
+
+    options: of its protocol. assignment: tracker -> role. room: where it stood.
+    """
+
+    name: str
+    protocol: str
+    options: Mapping[str, object] = field(default_factory=dict)
+    assignment: Mapping[str, str] = field(default_factory=dict)
+    room: RoomTransform = field(default_factory=RoomTransform)
+
+    def make_protocol(self) -> DeviceProtocol:
+        """A fresh protocol that reads this device's bytes."""
+        return make_protocol(self.protocol, **self.options)
+
+    def intake(self) -> DeviceIntake:
+        """A fresh intake with this device's assignment and place."""
+        return DeviceIntake(self.assignment, self.room)
+
+    def to_metadata(self) -> dict[str, str]:
+        """As MCAP channel metadata: text values, structured ones as JSON."""
+        room = {"rotation_xyzw": self.room.rotation, "translation_m": self.room.translation}
+        return {
+            "device": self.name,
+            "protocol": self.protocol,
+            "options": json.dumps(self.options),
+            "assignment": json.dumps(self.assignment),
+            "room": json.dumps(room),
+        }
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str]) -> "RecordedDevice":
+        """Raises KeyError or ValueError where it is not what `to_metadata` wrote."""
+        room = json.loads(metadata["room"])
+        rotation: Quaternion = tuple(map(float, room["rotation_xyzw"]))  # type: ignore[assignment]
+        translation: Vector = tuple(map(float, room["translation_m"]))  # type: ignore[assignment]
+        return cls(
+            metadata["device"],
+            metadata["protocol"],
+            json.loads(metadata["options"]),
+            json.loads(metadata["assignment"]),
+            RoomTransform(rotation, translation),
+        )
+
+
+@dataclass(frozen=True)
+class Take:
+    """A take in memory.
+
+    chunks: by device name, in time order; an empty chunk marks where a device was opened, the first time or again.
+    metadata: the `sixpoint` record: version, created, session, calibration, ... as text.
+    missing: what of the take could not be read, in words, or None where it is whole.
+    """
+
+    path: Path
+    devices: tuple[RecordedDevice, ...]
+    chunks: Mapping[str, tuple[RawChunk, ...]]
+    metadata: Mapping[str, str]
+    missing: str | None = None
+
+    def samples(self, device: RecordedDevice) -> Iterator[TrackerSample]:
+        """One device's samples, as its driver gave them live."""
+        for _, samples in decoded(device.make_protocol(), self.chunks[device.name]):
+            yield from samples
+
+    def readings(self) -> list[RoleReading]:
+        """The readings of all roles of all devices in the world, in the order of host time."""
+        found = [reading for device in self.devices for reading in device.intake().readings(self.samples(device))]
+        return sorted(found, key=lambda reading: reading.host_time_ns)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first chunk to the last."""
+        times = [chunk.host_time_ns for chunks in self.chunks.values() for chunk in chunks]
+        return (max(times) - min(times)) * 1e-9 if times else 0.0
+
+
+def decoded(
+    protocol: DeviceProtocol, chunks: Iterator[RawChunk] | tuple[RawChunk, ...]
+) -> Iterator[tuple[RawChunk, list[TrackerSample]]]:
+    """Each chunk with the samples it completed; an empty chunk starts the stream anew."""
+    for chunk in chunks:
+        if not chunk.data:
+            protocol.reset()
+        yield chunk, protocol.feed(chunk.data, chunk.host_time_ns) if chunk.data else []
+
+
+def read_take(path: Path | str) -> Take:
+    """Reads a take; one that was cut off or damaged is read up to its last whole chunk, and `missing` says so.
+
+    Raises FileError where there is no such file, it is no take, or nothing of it can be read.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise FileError(f"{path}: not a take: takes are MCAP files")
+            return _assemble(path, _Records(file, path.stat().st_size))
+    except FileNotFoundError:
+        raise FileError(f"{path}: no such file") from None
+
+
+class _Records:
+    """The records of an MCAP file one after the other, up to its end or its first damage."""
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self._file, self._size = file, size
+        self.broken_at: int | None = None
+        """Byte at which the first record that is not whole begins."""
+
+    def __iter__(self) -> Iterator[McapRecord]:
+        at = len(MCAP0_MAGIC)
+        while True:
+            head = self._file.read(_RECORD_HEAD.size)
+            opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, self._size)
+            end = at + _RECORD_HEAD.size + length
+            if end > self._size:
+                self.broken_at = at
+                return
+            if opcode == Opcode.FOOTER:
+                self._file.seek(end)
+                self.broken_at = None if self._file.read() == MCAP0_MAGIC else end
+                return
+            try:
+                yield from self._content(opcode)
+            except (McapError, ValueError, KeyError, struct.error, zlib.error, OverflowError, MemoryError):
+                self.broken_at = at
+                return
+            self._file.seek(end)
+            at = end
+
+    def _content(self, opcode: int) -> list[McapRecord]:
+        if opcode == Opcode.CHUNK:
+            return breakup_chunk(Chunk.read(ReadDataStream(self._file)), validate_crc=True)
+        if opcode == Opcode.METADATA:
+            return [Metadata.read(ReadDataStream(self._file))]
+        return []
+
+
+def _assemble(path: Path, records: _Records) -> Take:
+    devices: dict[int, RecordedDevice] = {}
+    chunks: dict[str, list[RawChunk]] = {}
+    metadata: dict[str, str] = {}
+    for record in records:
+        if isinstance(record, Message) and record.channel_id in devices:
+            chunks[devices[record.channel_id].name].append(RawChunk(record.log_time, bytes(record.data)))
+        elif isinstance(record, Channel) and record.message_encoding == RAW_ENCODING and record.id not in devices:
+            devices[record.id] = _device(path, record)
+            chunks.setdefault(devices[record.id].name, [])
+        elif isinstance(record, Metadata) and record.name == METADATA_NAME:
+            metadata.update(record.metadata)
+    if not any(chunks.values()):
+        broken = f"; it is cut off at byte {records.broken_at}, before its first data" if records.broken_at else ""
+        raise FileError(f"{path}: no device's bytes in it{broken}")
+    held = {name: tuple(found) for name, found in chunks.items()}
+    take = Take(path, tuple(devices.values()), held, metadata)
+    if records.broken_at is None:
+        return take
+    missing = (
+        f"{path}: cut off or damaged at byte {records.broken_at}: read up to the last whole chunk, "
+        f"{take.duration_s:.2f} s; what came after is missing"
+    )
+    return Take(path, take.devices, held, metadata, missing)
+
+
+def _device(path: Path, channel: Channel) -> RecordedDevice:
+    try:
+        return RecordedDevice.from_metadata(channel.metadata)
+    except (KeyError, ValueError, TypeError):
+        raise FileError(f"{path}: channel {channel.topic} does not describe its device as sixpoint does") from None
