@@ -30,7 +30,7 @@ _SIDED = {
     "shoulder": ("shoulder", "clavicle", "clavicle01", "collar"),
     "upper_arm": ("arm", "upperarm", "upperarm01", "humerus", "uparm"),
     "lower_arm": ("forearm", "lowerarm", "lowerarm01", "radius", "elbow"),
-    "hand": ("hand", "wrist"),
+    "hand": ("wrist", "hand"),
     "upper_leg": ("upleg", "upperleg", "upperleg01", "femur", "thigh"),
     "lower_leg": ("leg", "lowerleg", "lowerleg01", "tibia", "shin", "calf", "knee"),
     "foot": ("foot", "ankle"),
