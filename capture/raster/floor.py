@@ -60,18 +60,18 @@ def _print(
     low: NDArray[np.float64],
     scale: float,
     shape: NDArray[np.int_],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Which texels surfaces cover when laid flat, and how many metres above them the lowest part was."""
     corners = np.column_stack([(flat - low) * scale, _HIGHEST_M - above])
     nearness, owner = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
-    fill_triangles(np.ascontiguousarray(corners), triangles, nearness, owner)
+    fill_triangles(np.ascontiguousarray(corners), triangles, 0.0, nearness, owner)
     covered = (owner >= 0).astype(np.float32)
     return covered, covered * (np.float32(_HIGHEST_M) - nearness)
 
 
 def _between(
-    distance: NDArray[np.float32], hard: NDArray[np.float32], soft: NDArray[np.float32], vague: NDArray[np.float32]
-) -> NDArray[np.float32]:
+    distance: NDArray[np.floating], hard: NDArray[np.floating], soft: NDArray[np.floating], vague: NDArray[np.floating]
+) -> NDArray[np.floating]:
     """Hard where the cause is at the floor, soft at half a metre, vague from 1.4 metres on."""
     first = np.clip(distance / 0.5, 0, 1)
     second = np.clip((distance - 0.5) / 0.9, 0, 1)

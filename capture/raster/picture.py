@@ -14,7 +14,7 @@ from capture.raster.floor import FloorLight, floor_light, paint_studio
 from capture.raster.lettering import letter
 from capture.raster.marks import draw_lines, draw_spheres
 from capture.raster.shading import light_pixels, occlude, resolve_samples, smooth_openness
-from capture.raster.triangles import fill_triangles
+from capture.raster.triangles import TILT, fill_triangles
 from capture.scene import Camera, Floor, Scene, Surface
 from deformation.mesh import vertex_normals
 
@@ -22,9 +22,9 @@ _NEAREST_M = 0.05
 _SHADOW_MAP = 1024
 
 _LIGHTS = (
-    ((-0.55, 0.85, 0.62), (1.02, 0.94, 0.84)),
-    ((0.85, 0.20, 0.55), (0.20, 0.25, 0.33)),
-    ((0.65, 0.55, -0.90), (0.62, 0.66, 0.74)),
+    ((-0.62, 0.80, 0.50), (1.12, 1.02, 0.90)),
+    ((0.85, 0.15, 0.55), (0.12, 0.16, 0.23)),
+    ((0.70, 0.50, -0.80), (0.75, 0.80, 0.90)),
 )
 """Key, fill and rim light: where each stands in the camera's level axes (right, up, backward); its linear colour."""
 
@@ -179,7 +179,7 @@ def _shadow_map(solid: _Solid, to_light: NDArray[np.float64]) -> _ShadowMap:
     scale = (_SHADOW_MAP - 2) / float((seen.max(0) - origin + 0.02)[:2].max())
     corners = (seen - origin) * (scale, scale, 1.0)
     nearness = np.zeros((_SHADOW_MAP, _SHADOW_MAP), np.float32)
-    fill_triangles(np.ascontiguousarray(corners), solid.triangles, nearness, np.full(nearness.shape, -1, np.int32))
+    fill_triangles(np.ascontiguousarray(corners), solid.triangles, 0.0, nearness, np.full(nearness.shape, -1, np.int32))
     return _ShadowMap(axes, origin, scale, nearness)
 
 
@@ -199,9 +199,23 @@ def _draw_surface(
     if behind is not None:
         nearness[:] = behind.repeat(samples, axis=0).repeat(samples, axis=1)
     corners = view.project(solid.vertices, samples)
-    fill_triangles(corners, solid.triangles, nearness, owner)
+    tilt = TILT if samples % 2 == 0 else 0.0
+    fill_triangles(corners, solid.triangles, tilt, nearness, owner)
     pixels = np.zeros((view.rows, view.columns, 10), np.float32)
-    resolve_samples(owner, corners, solid.triangles, solid.vertices, solid.normals, solid.colours, samples, pixels)
+    pixel_nearness = np.zeros((view.rows, view.columns), np.float32)
+    resolve_samples(
+        nearness,
+        owner,
+        corners,
+        solid.triangles,
+        solid.vertices,
+        solid.normals,
+        solid.colours,
+        samples,
+        tilt,
+        pixels,
+        pixel_nearness,
+    )
     openness, smooth = (np.ones((view.rows, view.columns), np.float32) for _ in range(2))
     if opacity >= 1.0:
         occlude(pixels, view.camera.eye, view.camera.axes, view.focal, openness)
@@ -218,7 +232,7 @@ def _draw_surface(
         opacity,
         image,
     )
-    return np.ascontiguousarray(nearness.reshape(view.rows, samples, view.columns, samples).max(axis=(1, 3)))
+    return pixel_nearness
 
 
 def _draw_marks(

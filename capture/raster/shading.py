@@ -26,14 +26,17 @@ def _blend(values, triangle, u, v, w, axis):
 
 
 @njit(
-    "void(i4[:,::1], f8[:,::1], i4[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i8, f4[:,:,::1])",
+    "void(f4[:,::1], i4[:,::1], f8[:,::1], i4[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i8, f8, f4[:,:,::1], f4[:,::1])",
     cache=True,
 )
-def resolve_samples(owner, corners, triangles, vertices, normals, colours, samples, pixels):
+def resolve_samples(
+    nearness, owner, corners, triangles, vertices, normals, colours, samples, tilt, pixels, pixel_nearness
+):
     """What the surface is at each pixel: pixels (H, W, 10) gets position, normal, colour (3 each) and coverage, summed.
 
-    owner: (H * samples, W * samples) from `fill_triangles` with the same corners. vertices: (V, 3) metres; normals:
-    (V, 3); colours: (V, 3) linear. Every pixel holds the mean of its covered samples; the normal looks to the eye.
+    nearness, owner: (H * samples, W * samples) from `fill_triangles` with the same corners and tilt. vertices: (V, 3)
+    metres; normals: (V, 3); colours: (V, 3) linear. Every pixel holds the mean of its covered samples; the normal looks
+    to the eye. pixel_nearness: (H, W) gets that of the nearest sample.
     """
     rows, columns = pixels.shape[:2]
     for row in range(rows):
@@ -45,7 +48,10 @@ def resolve_samples(owner, corners, triangles, vertices, normals, colours, sampl
                 if face < 0:
                     continue
                 triangle = triangles[face]
-                u, v, w, front = _shares(corners, triangle, x + 0.5, y + 0.5)
+                pixel_nearness[row, column] = max(pixel_nearness[row, column], nearness[y, x])
+                across = x + 0.5 + (tilt if y % 2 == 0 else -tilt)
+                down = y + 0.5 - (tilt if x % 2 == 0 else -tilt)
+                u, v, w, front = _shares(corners, triangle, across, down)
                 facing = 1.0 if front else -1.0
                 for axis in range(3):
                     pixels[row, column, axis] += _blend(vertices, triangle, u, v, w, axis)
@@ -162,9 +168,9 @@ def light_pixels(pixels, openness, eye, lights, shadow, light_axes, light_origin
                 shadow, light_axes, light_origin, texels_a_metre, px + 0.01 * nx, py + 0.01 * ny, pz + 0.01 * nz
             )
             sky = 0.5 + 0.5 * ny
-            red = (0.16 + 0.20 * sky) * open_share
-            green = (0.15 + 0.22 * sky) * open_share
-            blue = (0.15 + 0.25 * sky) * open_share
+            red = (0.11 + 0.16 * sky) * open_share
+            green = (0.10 + 0.18 * sky) * open_share
+            blue = (0.10 + 0.21 * sky) * open_share
             shine_red = shine_green = shine_blue = 0.0
             for index in range(3):
                 light = lights[index]
