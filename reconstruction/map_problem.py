@@ -1,0 +1,58 @@
+"""The MAP problem of one frame (paper eq. 1-2, with arg min): a Gaussian prior, a likelihood and joint limits.
+
+Built here, solved in `map_solver`: a test can look at the problem without solving it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.body_kinematics import Body, BodyState, place
+from reconstruction.likelihood import Effectors, energy_and_gradient, residuals
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianPrior:
+    """p(q_t | Q_{t,m}) = N(mean, precision^-1).
+
+    mean: (D,); precision: (D, D), symmetric positive definite.
+    """
+
+    mean: NDArray[np.float64]
+    precision: NDArray[np.float64]
+
+    def energy(self, q: NDArray[np.float64]) -> float:
+        """E_prior, up to a constant."""
+        off = q - self.mean
+        return float(0.5 * off @ self.precision @ off)
+
+    def gradient(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(D,) derivative of the energy."""
+        return self.precision @ (q - self.mean)
+
+
+@dataclass(frozen=True, eq=False)
+class MapProblem:
+    """Minimise E_prior(q) + E_likelihood(q) subject to lower <= q <= upper.
+
+    lower, upper: (D,) joint limits; infinite for the root.
+    """
+
+    body: Body
+    prior: GaussianPrior
+    effectors: Effectors
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    def energy(self, q: NDArray[np.float64]) -> float:
+        """The sum of both terms: the plain reference of `map_solver`'s kernel."""
+        state = BodyState.of(len(self.body.parents))
+        place(self.body, q, state)
+        return self.prior.energy(q) + float(0.5 * np.sum(residuals(self.effectors, state) ** 2))
+
+    def gradient(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(D,) derivative of the energy."""
+        out = np.empty(len(q))
+        energy_and_gradient(self.body, self.effectors, q, BodyState.of(len(self.body.parents)), out)
+        return out + self.prior.gradient(q)

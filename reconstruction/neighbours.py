@@ -1,0 +1,53 @@
+"""Nearest neighbours among a million windows: the one file that knows faiss.
+
+A hierarchical navigable small world graph (Malkov and Yashunin 2018) stands in for the neighbour graph of Chai and
+Hodgins (2005) that the paper searches: the same walk from near pose to nearer pose, with long links added.
+"""
+
+from pathlib import Path
+
+import faiss
+import numpy as np
+from numpy.typing import NDArray
+
+LINKS = 16
+BUILD_BREADTH = 80
+SEARCH_BREADTH = 160
+
+
+class NeighbourIndex:
+    """An index over feature vectors (n, F)."""
+
+    def __init__(self, index: "faiss.IndexHNSWFlat"):
+        self._index = index
+        self._index.hnsw.efSearch = SEARCH_BREADTH
+        self._index.hnsw.search_bounded_queue = True
+
+    def __len__(self) -> int:
+        return self._index.ntotal
+
+    @classmethod
+    def empty(cls, dimensions: int) -> "NeighbourIndex":
+        """An index to be filled with `add`."""
+        index = faiss.IndexHNSWFlat(dimensions, LINKS)
+        index.hnsw.efConstruction = BUILD_BREADTH
+        return cls(index)
+
+    def add(self, features: NDArray[np.float32]) -> None:
+        """Adds vectors (n, F); they are numbered in order."""
+        self._index.add(np.ascontiguousarray(features, np.float32))
+
+    def nearest(self, feature: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Numbers (k,) and distances (k,) of the nearest vectors to one (F,), nearest first; k <= count."""
+        squares, numbers = self._index.search(feature[None], min(count, len(self)))
+        found = numbers[0] >= 0
+        return numbers[0][found], np.sqrt(np.maximum(squares[0][found], 0))
+
+    def write(self, path: Path) -> None:
+        """Writes the index to a file."""
+        faiss.write_index(self._index, str(path))
+
+    @classmethod
+    def read(cls, path: Path) -> "NeighbourIndex":
+        """Reads what `write` wrote. Raises RuntimeError where the file is broken."""
+        return cls(faiss.read_index(str(path)))
