@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from capture.raster.floor import FloorLight, floor_light, paint_studio
 from capture.raster.lettering import letter
 from capture.raster.marks import draw_lines, draw_spheres
-from capture.raster.shading import light_pixels, occlude, resolve_samples, smooth_openness
+from capture.raster.shading import light_pixels, occlude, receive_key_light, resolve_samples, smooth_turns
 from capture.raster.triangles import TILT, fill_triangles
-from capture.scene import Camera, Floor, Scene, Surface
+from capture.scene import Camera, Floor, Scene, Spheres, Surface
 from deformation.mesh import vertex_normals
 
 _NEAREST_M = 0.05
@@ -85,7 +85,8 @@ def render(scene: Scene, width: int = 960, height: int = 540, samples: int = 2) 
     lights = _placed_lights(scene.camera)
     solid = _joined([s for s in scene.surfaces if s.opacity >= 1.0])
     image = np.empty((height, width, 3), np.float32)
-    _paint_studio(image, view, scene.floor, solid, lights)
+    casting = solid if len(solid.vertices) else _joined([_cast(marks) for marks in scene.spheres])
+    _paint_studio(image, view, scene.floor, casting, lights)
     shadow = _shadow_map(solid, lights[0, :3])
     nearness = _draw_surface(image, view, solid, lights, shadow, 1.0, samples)
     for ghost in (s for s in scene.surfaces if 0.0 < s.opacity < 1.0):
@@ -112,6 +113,8 @@ def _srgb_bytes(entries: int = 8192) -> NDArray[np.uint8]:
 
 _SRGB_BYTES = _srgb_bytes()
 _PALETTE = linear([_BACKDROP_ABOVE, _BACKDROP, _FLOOR, _GRID])
+_OCTAHEDRON = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+_OCTAHEDRON_FACES = np.array([(x, y, z) for x in (0, 1) for y in (2, 3) for z in (4, 5)])
 _NO_SHADOW = _ShadowMap(np.eye(3), np.zeros(3), 1.0, np.zeros((1, 1), np.float32))
 
 
@@ -141,8 +144,18 @@ def _prepared(surface: Surface) -> _Solid:
     vertices = np.ascontiguousarray(surface.vertices, np.float64)
     triangles = np.ascontiguousarray(surface.triangles, np.int32)
     normals = vertex_normals(vertices, triangles) if surface.normals is None else surface.normals
-    colours = np.broadcast_to(linear(surface.colours), vertices.shape)
-    return _Solid(vertices, triangles, np.ascontiguousarray(normals, np.float64), np.ascontiguousarray(colours))
+    colours = _rows_of_colour(surface.colours, len(vertices))
+    return _Solid(vertices, triangles, np.ascontiguousarray(normals, np.float64), colours)
+
+
+def _cast(spheres: Spheres) -> Surface:
+    """What balls throw on the floor: an octahedron each. Where there is no surface, they tell where the feet stand."""
+    centres = spheres.centres[np.isfinite(spheres.centres).all(axis=1)]
+    radii = np.broadcast_to(np.asarray(spheres.radii, np.float64), len(spheres.centres))
+    radii = radii[np.isfinite(spheres.centres).all(axis=1)]
+    vertices = centres[:, None] + radii[:, None, None] * _OCTAHEDRON
+    triangles = 6 * np.arange(len(centres))[:, None, None] + _OCTAHEDRON_FACES
+    return Surface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals=vertices.reshape(-1, 3))
 
 
 def _paint_studio(
@@ -216,22 +229,14 @@ def _draw_surface(
         pixels,
         pixel_nearness,
     )
-    openness, smooth = (np.ones((view.rows, view.columns), np.float32) for _ in range(2))
+    openness, lit = (np.ones((view.rows, view.columns), np.float32) for _ in range(2))
     if opacity >= 1.0:
-        occlude(pixels, view.camera.eye, view.camera.axes, view.focal, openness)
-        smooth_openness(openness, pixels, smooth)
-    light_pixels(
-        pixels,
-        smooth,
-        view.camera.eye,
-        lights,
-        shadow.nearness,
-        shadow.axes,
-        shadow.origin,
-        shadow.texels_a_metre,
-        opacity,
-        image,
-    )
+        raw = openness.copy(), openness.copy()
+        occlude(pixels, view.camera.eye, view.camera.axes, view.focal, raw[0])
+        receive_key_light(pixels, shadow.nearness, shadow.axes, shadow.origin, shadow.texels_a_metre, raw[1])
+        smooth_turns(raw[0], pixels, openness)
+        smooth_turns(raw[1], pixels, lit)
+    light_pixels(pixels, openness, lit, view.camera.eye, lights, opacity, image)
     return pixel_nearness
 
 
@@ -240,16 +245,21 @@ def _draw_marks(
 ) -> None:
     for lines in scene.lines:
         points = view.project(np.asarray(lines.points, np.float64))
-        segments = np.ascontiguousarray(lines.segments, np.int32)
-        colours = np.ascontiguousarray(np.broadcast_to(linear(lines.colours), (len(segments), 3)))
+        segments = np.array(lines.segments, np.int32, order="C")
+        colours = _rows_of_colour(lines.colours, len(segments))
         width = lines.width * view.rows / 540
         draw_lines(points, segments, colours, width, lines.opacity, lines.through, nearness, image)
     light = np.array([view.camera.axes @ lights[0, :3], 0.95 * lights[0, 3:], [0.42, 0.44, 0.48]])
     for spheres in scene.spheres:
         centres = view.project(np.asarray(spheres.centres, np.float64))
-        radii = np.ascontiguousarray(np.broadcast_to(np.asarray(spheres.radii, np.float64), len(centres)))
-        colours = np.ascontiguousarray(np.broadcast_to(linear(spheres.colours), centres.shape))
+        radii = np.array(np.broadcast_to(np.asarray(spheres.radii, np.float64), len(centres)))
+        colours = _rows_of_colour(spheres.colours, len(centres))
         order = np.argsort(centres[:, 2], kind="stable")
         draw_spheres(
             centres, radii, order, colours, spheres.opacity, spheres.through, view.focal, nearness, light, image
         )
+
+
+def _rows_of_colour(colours: ArrayLike, rows: int) -> NDArray[np.float64]:
+    """(rows, 3) linear, an array of its own."""
+    return np.array(np.broadcast_to(linear(colours), (rows, 3)), order="C")

@@ -5,7 +5,9 @@ from numba import njit
 
 _AO_TAPS = 14
 _AO_RADIUS_M = 0.16
-_SHADOW_SOFTNESS_M = 0.012
+_SEARCH_TAPS, _SHADOW_TAPS = 10, 14
+_SEARCH_RADIUS_M = 0.05
+_SHADOW_BIAS_M = 0.004
 
 
 @njit(cache=True, inline="always")
@@ -100,9 +102,9 @@ def occlude(pixels, eye, axes, focal, openness):
 
 
 @njit("void(f4[:,::1], f4[:,:,::1], f4[:,::1])", cache=True)
-def smooth_openness(openness, pixels, smooth):
-    """The mean of `openness` over 4 x 4 covered pixels of like depth, into `smooth`: takes the spiral's turns out."""
-    rows, columns = openness.shape
+def smooth_turns(values, pixels, smooth):
+    """The mean of `values` (H, W) over 4 x 4 pixels of the same place, into `smooth`: takes the spirals' turns out."""
+    rows, columns = values.shape
     for row in range(rows):
         for column in range(columns):
             if pixels[row, column, 9] == 0.0:
@@ -117,36 +119,67 @@ def smooth_openness(openness, pixels, smooth):
                         step = pixels[y, x, axis] - pixels[row, column, axis]
                         square += step * step
                     if square < 0.0025:
-                        total += openness[y, x]
+                        total += values[y, x]
                         weight += 1.0
             smooth[row, column] = total / weight
 
 
 @njit(cache=True, inline="always")
-def _lit_share(shadow, light_axes, light_origin, texels_a_metre, x, y, z):
-    """How much of the key light reaches a point: 3 x 3 soft comparisons with the shadow map."""
-    rows, columns = shadow.shape
-    column = (x * light_axes[0, 0] + y * light_axes[0, 1] + z * light_axes[0, 2] - light_origin[0]) * texels_a_metre
-    row = (x * light_axes[1, 0] + y * light_axes[1, 1] + z * light_axes[1, 2] - light_origin[1]) * texels_a_metre
-    depth = x * light_axes[2, 0] + y * light_axes[2, 1] + z * light_axes[2, 2] - light_origin[2]
-    lit = 0.0
-    for tap in range(9):
-        v, u = int(row + 1.7 * (tap // 3 - 1)), int(column + 1.7 * (tap % 3 - 1))
-        if v < 0 or u < 0 or v >= rows or u >= columns:
-            lit += 1.0
-        else:
-            lit += 1.0 - min(max((shadow[v, u] - depth) / _SHADOW_SOFTNESS_M, 0.0), 1.0)
-    return lit / 9.0
+def _above(shadow, row, column, depth):
+    """How many metres nearer to the light than `depth` the shadow map is there; 0 outside it."""
+    if row < 0 or column < 0 or row >= shadow.shape[0] or column >= shadow.shape[1]:
+        return 0.0
+    return max(shadow[int(row), int(column)] - depth - _SHADOW_BIAS_M, 0.0)
+
+
+@njit("void(f4[:,:,::1], f4[:,::1], f8[:,::1], f8[::1], f8, f4[:,::1])", cache=True)
+def receive_key_light(pixels, shadow, light_axes, light_origin, texels_a_metre, lit):
+    """How much of the key light reaches each pixel, in place: lit (H, W), 1 where nothing stands in its way.
+
+    Percentage-closer soft shadows (Fernando, SIGGRAPH 2005 sketches): the farther what hides the light, the softer the
+    edge. shadow: (S, S) metres towards the light; light_axes, light_origin: world to light. The taps turn from pixel to
+    pixel as in `occlude`; the caller smooths.
+    """
+    rows, columns = lit.shape
+    for row in range(rows):
+        for column in range(columns):
+            if pixels[row, column, 9] == 0.0:
+                continue
+            place = np.zeros(3)
+            for axis in range(3):
+                for part in range(3):
+                    off_surface = pixels[row, column, part] + 0.008 * pixels[row, column, 3 + part]
+                    place[axis] += light_axes[axis, part] * off_surface
+                place[axis] -= light_origin[axis]
+            u, v = place[0] * texels_a_metre, place[1] * texels_a_metre
+            turn = 0.3926990817 * ((row % 4) * 4 + column % 4) * 7.0
+            gap, found = 0.0, 0
+            for tap in range(_SEARCH_TAPS):
+                reach = _SEARCH_RADIUS_M * texels_a_metre * np.sqrt((tap + 0.5) / _SEARCH_TAPS)
+                angle = turn + 2.399963 * tap
+                above = _above(shadow, v + reach * np.sin(angle), u + reach * np.cos(angle), place[2])
+                if above > 0.0:
+                    gap += above
+                    found += 1
+            if found == 0:
+                continue
+            spread = min(max(0.16 * gap / found, 0.005), _SEARCH_RADIUS_M) * texels_a_metre
+            dark = 0.0
+            for tap in range(_SHADOW_TAPS):
+                reach, angle = spread * np.sqrt((tap + 0.5) / _SHADOW_TAPS), turn + 2.399963 * tap
+                above = _above(shadow, v + reach * np.sin(angle), u + reach * np.cos(angle), place[2])
+                dark += min(above / 0.004, 1.0)
+            lit[row, column] = 1.0 - dark / _SHADOW_TAPS
 
 
 @njit(
-    "void(f4[:,:,::1], f4[:,::1], f8[::1], f8[:,::1], f4[:,::1], f8[:,::1], f8[::1], f8, f8, f4[:,:,::1])",
+    "void(f4[:,:,::1], f4[:,::1], f4[:,::1], f8[::1], f8[:,::1], f8, f4[:,:,::1])",
     cache=True,
 )
-def light_pixels(pixels, openness, eye, lights, shadow, light_axes, light_origin, texels_a_metre, opacity, image):
+def light_pixels(pixels, openness, lit, eye, lights, opacity, image):
     """Lays the lit surface over `image` (H, W, 3) linear, in place.
 
-    lights: (3, 6) key, fill and rim: direction towards the light and its colour; only the key casts the shadow map.
+    lights: (3, 6) key, fill and rim: direction towards the light and its colour. openness, lit: (H, W).
     opacity: below 1 the surface is a ghost, clearer where it faces the eye.
     """
     rows, columns = openness.shape
@@ -164,9 +197,6 @@ def light_pixels(pixels, openness, eye, lights, shadow, light_axes, light_origin
             vx, vy, vz = vx / length, vy / length, vz / length
             grazing = 1.0 - min(max(nx * vx + ny * vy + nz * vz, 0.0), 1.0)
             open_share = openness[row, column]
-            lit = _lit_share(
-                shadow, light_axes, light_origin, texels_a_metre, px + 0.01 * nx, py + 0.01 * ny, pz + 0.01 * nz
-            )
             sky = 0.5 + 0.5 * ny
             red = (0.11 + 0.16 * sky) * open_share
             green = (0.10 + 0.18 * sky) * open_share
@@ -175,7 +205,7 @@ def light_pixels(pixels, openness, eye, lights, shadow, light_axes, light_origin
             for index in range(3):
                 light = lights[index]
                 cosine = nx * light[0] + ny * light[1] + nz * light[2]
-                share = lit if index == 0 else 0.4 + 0.6 * open_share
+                share = lit[row, column] if index == 0 else 0.4 + 0.6 * open_share
                 diffuse = share * max((cosine + 0.12) / 1.12, 0.0)
                 hx, hy, hz = light[0] + vx, light[1] + vy, light[2] + vz
                 half = (nx * hx + ny * hy + nz * hz) / (np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-12)

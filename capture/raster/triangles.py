@@ -4,7 +4,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-
 TILT = 0.25
 """Samples to shift every second row and column by, so that 2 x 2 samples a pixel stand in four rows and four columns
 and nearly upright edges come out as smooth as slanting ones (the rotated grid)."""
@@ -16,7 +15,7 @@ def fill_triangles(corners, triangles, tilt, nearness, owner):
 
     corners: (V, 3) sample column, sample row, and nearness (linear across the picture, larger is nearer; a triangle
     with a corner of nearness <= 0 is left out). triangles: (F, 3). nearness, owner: (H, W) the largest nearness so far
-    and the triangle it belongs to; start with 0 and -1. Sample (row, column) stands at row + 0.5 -+ tilt (an even or odd
+    and the triangle it belongs to; start with 0 and -1. Sample (row, column) is at row + 0.5 -+ tilt (an even or odd
     column), column + 0.5 +- tilt (an even or odd row).
     """
     height, width = nearness.shape
