@@ -9,7 +9,7 @@ body, which has the mean proportions of all of them.
 import json
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ from devices.progress import Progress, no_progress
 from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, joint_positions
 from reconstruction.motion import Motion
-from reconstruction.motion_operations import leg_length, mirrored, resampled
+from reconstruction.motion_operations import leg_length, mirrored, require_same_joints, resampled
 from reconstruction.neighbours import NeighbourIndex
 from reconstruction.pose_space import MeanRotations, PoseSpace
 from reconstruction.skeleton import Skeleton
@@ -110,11 +110,13 @@ def build_database(
     fps: float = 60.0,
     mirror: bool = False,
     progress: Progress = no_progress,
+    count: int | None = None,
 ) -> MotionDatabase:
     """Indexes motions of one joint tree into a database at `out`, an empty or absent folder or an older database.
 
     The motions are resampled to `fps`; with `mirror` each is there a second time, left and right exchanged. One
-    motion at a time is held in memory. Raises FileError where there is no motion, where joints differ (naming the
+    motion at a time is held in memory. `count` is how many motions there are, where that is known, for the progress
+    alone. Raises FileError where there is no motion, where joints differ (naming the
     motion and the joints), or where `out` is something else.
     """
     out = Path(out)
@@ -122,7 +124,7 @@ def build_database(
     out.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     try:
-        _Builder(beside, fps, mirror, progress).build(motions)
+        _Builder(beside, fps, mirror, _Stages(progress, count)).build(motions)
         if out.exists():
             shutil.rmtree(out)
         beside.chmod(0o755)
@@ -192,6 +194,24 @@ def _refuse_foreign(out: Path) -> None:
         raise FileError(f"{out}: is there already and is not a motion database; name another place")
 
 
+@dataclass(frozen=True)
+class _Stages:
+    """Progress over three stages of about the same length: reading, coordinates, indexing; in per mille of all."""
+
+    progress: Progress
+    count: int | None
+
+    def read(self, motions: int) -> None:
+        if self.count:
+            self.progress(333 * motions // self.count, 1000)
+
+    def placed(self, rows: int, total: int) -> None:
+        self.progress(333 + 333 * rows // total, 1000)
+
+    def indexed(self, rows: int, total: int) -> None:
+        self.progress(667 + 333 * rows // total, 1000)
+
+
 class _Builder:
     """Builds a database in two passes: the motions to plain rotations on disk, then those to coordinates."""
 
@@ -200,8 +220,8 @@ class _Builder:
     LIMIT_MARGIN = 0.35
     """Radians by which joint limits are wider than what the data shows."""
 
-    def __init__(self, folder: Path, fps: float, mirror: bool, progress: Progress):
-        self.folder, self.fps, self.mirror, self.progress = folder, fps, mirror, progress
+    def __init__(self, folder: Path, fps: float, mirror: bool, stages: _Stages):
+        self.folder, self.fps, self.mirror, self.stages = folder, fps, mirror, stages
         self.clips: list[Clip] = []
         self.rows = 0
 
@@ -231,9 +251,10 @@ class _Builder:
         body = Skeleton(means.skeleton.names, means.skeleton.parents, offsets / self.rows)
         return means.pose_space().with_skeleton(body)
 
-    def _versions(self, motions: Iterable[Motion]) -> Iterable[Motion]:
+    def _versions(self, motions: Iterable[Motion]) -> Iterator[Motion]:
         """Every motion at the database's rate, and its mirror image where asked for."""
-        for motion in motions:
+        for number, motion in enumerate(motions):
+            self.stages.read(number + 1)
             once = resampled(motion, self.fps)
             yield once
             if self.mirror:
@@ -260,7 +281,7 @@ class _Builder:
             poses[rows], headings[rows] = q, own
             points[rows] = joint_positions(body, q)
             tracks[rows] = points[rows][:, tracked]
-            self.progress(clip.first + clip.frames, 2 * self.rows)
+            self.stages.placed(clip.first + clip.frames, self.rows)
         (self.folder / "raw.bin").unlink()
 
     def _index(self, space: PoseSpace) -> None:
@@ -279,7 +300,7 @@ class _Builder:
         index = NeighbourIndex.empty(features.size)
         for part in np.array_split(windows, max(1, len(windows) // 4096)):
             index.add(features.features(history.of(part), history.trackers(part)))
-            self.progress(self.rows + int(self.rows * len(index) / len(windows)), 2 * self.rows)
+            self.stages.indexed(len(index), len(windows))
         index.write(self.folder / "index.faiss")
         bounds = np.stack((poses.min(axis=0), poses.max(axis=0)), axis=1)
         bounds += np.array([-self.LIMIT_MARGIN, self.LIMIT_MARGIN], np.float32)
@@ -354,11 +375,6 @@ def _spacing(index: NeighbourIndex, windows: NDArray, rows: NDArray, features: N
 
 def _check_tree(skeleton: Skeleton, motion: Motion) -> None:
     """One database has one joint tree."""
-    if skeleton.same_tree(motion.skeleton):
-        return
-    lacks = sorted(set(skeleton.names) - set(motion.skeleton.names))
-    extra = sorted(set(motion.skeleton.names) - set(skeleton.names))
-    differs = "; ".join(
-        f"{what} {', '.join(names[:6])}" for what, names in (("lacks", lacks), ("adds", extra)) if names
-    )
-    raise FileError(f"{motion.name}: not the joint tree of the motions before it ({differs or 'other parents'})")
+    require_same_joints(skeleton, motion.skeleton, motion.name)
+    if not skeleton.same_tree(motion.skeleton):
+        raise FileError(f"{motion.name}: its joints come in another order than in the motions before it")

@@ -7,6 +7,7 @@ free optimum breaks a limit the problem is solved again in q divided by its post
 NLopt's bounds.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import nlopt
@@ -98,10 +99,9 @@ class MapSolver:
             return value
 
         optimiser.set_min_objective(energy)
-        try:
+        # A line search that can go no lower raises: the best point seen is the answer then too.
+        with suppress(nlopt.RoundoffLimited, RuntimeError):
             optimiser.optimize(np.zeros(len(start)))
-        except (nlopt.RoundoffLimited, nlopt.runtime_error, ValueError):
-            pass  # a line search that can go no lower: the best point seen is the answer
         return start + root @ best[1], count, float(best[0])
 
 

@@ -5,6 +5,7 @@ Hodgins (2005) that the paper searches: the same walk from near pose to nearer p
 """
 
 from pathlib import Path
+from typing import Any
 
 import faiss
 import numpy as np
@@ -18,10 +19,9 @@ SEARCH_BREADTH = 160
 class NeighbourIndex:
     """An index over feature vectors (n, F)."""
 
-    def __init__(self, index: "faiss.IndexHNSWFlat"):
+    def __init__(self, index: Any):
         self._index = index
         self._index.hnsw.efSearch = SEARCH_BREADTH
-        self._index.hnsw.search_bounded_queue = True
 
     def __len__(self) -> int:
         return self._index.ntotal

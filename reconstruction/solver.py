@@ -224,7 +224,7 @@ def reconstruct(
     )
 
 
-def _weights(distances: NDArray[np.float32]) -> NDArray[np.float64]:
+def _weights(distances: NDArray[np.floating]) -> NDArray[np.float64]:
     """(K,) Gaussian weights (eq. 7) that sum to one, as wide as the distances are typically beyond the nearest."""
     width = max(float(np.median(distances)), 1e-6)
     weights = np.exp(-0.5 * (distances.astype(np.float64) / width) ** 2)

@@ -50,7 +50,7 @@ def planar_fit(model: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray
 
 @njit(cache=True)
 def match_kernel(tracks, stride, roles, seen, squares):
-    """Least sum of squared distances, over planar motions, from `seen` (n, 3) to each looked-at row's tracked joints."""
+    """Least sum of squared distances, over planar motions, of `seen` (n, 3) to each looked-at row's joints."""
     n = len(roles)
     mx = mz = 0.0
     for i in range(n):
