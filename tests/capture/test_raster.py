@@ -40,7 +40,7 @@ def test_triangles_side_by_side_leave_no_gap():
 
 
 def test_a_picture_is_the_same_every_time():
-    scene = Scene(surfaces=(Surface(SQUARE + (0, 0.5, 0), SQUARE_FACES),), title="same", status=("one", "two"))
+    scene = Scene(surfaces=(Surface(SQUARE - (0, -0.5, 0), SQUARE_FACES),), title="same", status=("one", "two"))
     assert np.array_equal(render(scene, 160, 90), render(scene, 160, 90))
 
 
@@ -73,7 +73,7 @@ def test_a_mark_behind_a_surface_is_hidden_unless_it_shines_through():
 
 def test_a_ghost_lets_what_is_behind_it_through_and_stays_behind_what_is_before_it():
     red = Surface(SQUARE, SQUARE_FACES, colours=(0.9, 0.1, 0.1))
-    ghost_before = Surface(SQUARE + (0, 0, 0.3), SQUARE_FACES, colours=(0.1, 0.1, 0.9), opacity=0.5)
+    ghost_before = Surface(SQUARE - (0, 0, -0.3), SQUARE_FACES, colours=(0.1, 0.1, 0.9), opacity=0.5)
     ghost_behind = Surface(SQUARE - (0, 0, 0.3), SQUARE_FACES, colours=(0.1, 0.1, 0.9), opacity=0.5)
     alone = render(bare(surfaces=(red,)), 64, 64)[32, 32].astype(int)
     before = render(bare(surfaces=(red, ghost_before)), 64, 64)[32, 32].astype(int)
