@@ -1,0 +1,122 @@
+"""A character: a mesh, a skeleton, and how the one hangs on the other."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformation.heat_weights import heat_weights, separate_branches, skeleton_bones, strongest
+from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, trilinear
+from deformation.mesh import Mesh
+from deformation.skinning import Binding, bind_centres
+from devices.errors import SettingError
+from devices.frame import frozen
+from reconstruction.motion import Pose
+from reconstruction.skeleton import Skeleton
+
+
+@dataclass(frozen=True)
+class LatticeSettings:
+    """How finely a character is cut into cells, and how its bones claim them.
+
+    cell_size_m: edge of a cell; particles: their number, instead of the cell size. Give at most one of both.
+    bone_width: radius of a bone in cells of the weights' lattice (half the cell size); bone_strength: its heat e_j.
+    """
+
+    cell_size_m: float | None = None
+    particles: int | None = None
+    bone_width: float = 1.0
+    bone_strength: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """A mesh bound to a skeleton by a lattice.
+
+    bind: (J, 4, 4) `T_world_joint` at which the mesh stands as it is.
+    vertex_joints: (V, 4) int32, vertex_weights: (V, 4), rows sum to 1, strongest first: for exchange formats and plain
+        linear blending. binding: the same of the lattice's particles, which drive the mesh here.
+    """
+
+    name: str
+    mesh: Mesh
+    skeleton: Skeleton
+    bind: NDArray[np.float64]
+    vertex_joints: NDArray[np.int32]
+    vertex_weights: NDArray[np.float64]
+    lattice: Lattice
+    binding: Binding
+
+    @cached_property
+    def bind_inverse(self) -> NDArray[np.float64]:
+        """(J, 4, 4) `T_joint_world` of the bind pose."""
+        return np.linalg.inv(self.bind)
+
+
+def make_character(
+    mesh: Mesh,
+    skeleton: Skeleton,
+    bind: NDArray[np.float64],
+    name: str = "character",
+    settings: LatticeSettings | None = None,
+) -> Character:
+    """Binds a mesh (metres) to a skeleton that stands in it at bind (J, 4, 4), by heat in a lattice.
+
+    The heat is worked out on a lattice of half the cell size, and carried from there to vertices and particles.
+    Raises SettingError where the settings or the mesh give no lattice.
+    """
+    settings = settings or LatticeSettings()
+    lattice, fine, parents = build_lattices(mesh, _cell_size(mesh, settings))
+    positions = bind[:, :3, 3]
+    bones = skeleton_bones(skeleton, positions, settings.bone_width * fine.cell_size, settings.bone_strength)
+    fine_weights = separate_branches(heat_weights(fine, bones, len(skeleton)), skeleton, positions)
+    on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
+    vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
+    joints, weights = (frozen(a) for a in strongest(coarser(fine_weights, fine, lattice, parents)))
+    binding = bind_centres(skeleton, positions, joints, weights)
+    return Character(name, mesh, skeleton, frozen(np.array(bind)), vertex_joints, vertex_weights, lattice, binding)
+
+
+def mannequin_character(
+    skeleton: Skeleton,
+    resolution: str = "medium",
+    reference: Pose | None = None,
+    settings: LatticeSettings | None = None,
+) -> Character:
+    """The mannequin, fitted to a skeleton and bound to it: low, medium or high resolution."""
+    from deformation.mannequin import mannequin
+
+    mesh, bind = mannequin(skeleton, resolution, reference)
+    return make_character(mesh, skeleton, bind, "mannequin", settings)
+
+
+def coarser(
+    weights: NDArray[np.float64], fine: Lattice, coarse: Lattice, parents: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Particle weights (P, J) of a coarse lattice: means of the fine ones (P_fine, J) by their share in its cells.
+
+    parents: (C_fine,) the coarse cell that holds each fine cell.
+    """
+    low = coarse.particles[coarse.cells[:, 0]][parents]
+    places = (fine.particles[fine.cells] - low[:, None, :]) / coarse.cell_size
+    share = trilinear(places.reshape(-1, 3)).reshape(len(parents), 8, 8)
+    total = np.zeros((len(coarse.particles), weights.shape[1] + 1))
+    carried = np.concatenate([weights, np.ones((len(weights), 1))], axis=1)[fine.cells]
+    for corner in range(len(CORNERS)):
+        np.add.at(total, coarse.cells[parents, corner], np.einsum("ck,ckj->cj", share[:, :, corner], carried))
+    return total[:, :-1] / total[:, -1:]
+
+
+def _cell_size(mesh: Mesh, settings: LatticeSettings) -> float:
+    if settings.cell_size_m is not None and settings.particles is not None:
+        raise SettingError("cell size and particle count are both set: use one of them")
+    if settings.particles is not None:
+        return cell_size_for(mesh, settings.particles)
+    if settings.cell_size_m is not None:
+        return settings.cell_size_m
+    return float(np.ptp(mesh.vertices[:, 1])) * _CELL_SHARE
+
+
+_CELL_SHARE = 0.0295
+"""The default cell edge against the body's height: about 1,900 particles on a grown person."""

@@ -1,0 +1,89 @@
+"""The rotation in a 3x3 matrix: M = R S (eq. 2)."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+_STEPS = 20
+_CONVERGED = 1e-14
+_FLAT = 1e-9
+"""Determinant, against the cube of the matrix' size, from which on a matrix turns nothing that could be told."""
+
+
+@numba.njit(cache=True, inline="always")
+def cofactors(m):
+    """The cofactor matrix of nine numbers m, row by row."""
+    return (
+        m[4] * m[8] - m[5] * m[7],
+        m[5] * m[6] - m[3] * m[8],
+        m[3] * m[7] - m[4] * m[6],
+        m[2] * m[7] - m[1] * m[8],
+        m[0] * m[8] - m[2] * m[6],
+        m[1] * m[6] - m[0] * m[7],
+        m[1] * m[5] - m[2] * m[4],
+        m[2] * m[3] - m[0] * m[5],
+        m[0] * m[4] - m[1] * m[3],
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def norm_squared(m):
+    """The sum of nine squares."""
+    return (
+        m[0] * m[0]
+        + m[1] * m[1]
+        + m[2] * m[2]
+        + m[3] * m[3]
+        + m[4] * m[4]
+        + m[5] * m[5]
+        + m[6] * m[6]
+        + m[7] * m[7]
+        + m[8] * m[8]
+    )
+
+
+@numba.njit(cache=True)
+def polar(m):
+    """(found, R): the rotation nearest to nine numbers m, by Newton steps X <- (g X + X^-T / g) / 2 (Higham 1986).
+
+    g is Higham's factor that makes X and its inverse equally large. Nothing is found where m is flat or inside out.
+    """
+    for _ in range(_STEPS):
+        c = cofactors(m)
+        det = m[0] * c[0] + m[1] * c[1] + m[2] * c[2]
+        size = norm_squared(m)
+        if det <= _FLAT * size * np.sqrt(size):
+            return False, m
+        scale = np.sqrt(np.sqrt(norm_squared(c) / (det * det * size)))
+        a, b = 0.5 * scale, 0.5 / (scale * det)
+        new = (
+            a * m[0] + b * c[0],
+            a * m[1] + b * c[1],
+            a * m[2] + b * c[2],
+            a * m[3] + b * c[3],
+            a * m[4] + b * c[4],
+            a * m[5] + b * c[5],
+            a * m[6] + b * c[6],
+            a * m[7] + b * c[7],
+            a * m[8] + b * c[8],
+        )
+        change = (
+            (new[0] - m[0]) ** 2
+            + (new[1] - m[1]) ** 2
+            + (new[2] - m[2]) ** 2
+            + (new[4] - m[4]) ** 2
+            + (new[5] - m[5]) ** 2
+            + (new[8] - m[8]) ** 2
+        )
+        m = new
+        if change < _CONVERGED:
+            break
+    return True, m
+
+
+def polar_reference(matrices: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`polar` of matrices (N, 3, 3) by singular values in plain NumPy; `otherwise` where nothing is found."""
+    u, size, vt = np.linalg.svd(matrices)
+    det = np.linalg.det(matrices)
+    found = det > _FLAT * (size**2).sum(axis=1) ** 1.5
+    return np.where(found[:, None, None], u @ vt, otherwise)
