@@ -2,10 +2,13 @@
 
 import errno
 import sys
+from collections.abc import Callable
 
 import typer
 from typer.exceptions import Abort, TyperException
 
+from capture.commands import database
+from capture.commands.reconstruct import reconstruct
 from devices.errors import SixpointError
 
 app = typer.Typer(
@@ -15,6 +18,17 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _group(name: str, meaning: str, commands: list[Callable[..., None]]) -> None:
+    group = typer.Typer(help=meaning, no_args_is_help=True)
+    for command in commands:
+        group.command()(command)
+    app.add_typer(group, name=name)
+
+
+app.command()(reconstruct)
+_group("database", "Motion databases: what the solver knows.", [database.build, database.info])
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -4,8 +4,16 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 PERCENTILES = (50, 95, 99)
+
+
+def percentiles_ms(milliseconds: NDArray[np.float64]) -> dict[str, float]:
+    """`p50`, `p95`, `p99` and `max` of some durations (N,)."""
+    values = np.percentile(milliseconds, PERCENTILES)
+    row = {f"p{p}": round(float(v), 4) for p, v in zip(PERCENTILES, values, strict=True)}
+    return row | {"max": round(float(np.max(milliseconds)), 4)}
 
 
 class LatencyRecorder:
@@ -28,14 +36,7 @@ class LatencyRecorder:
 
     def summary(self) -> dict[str, dict[str, float]]:
         """Milliseconds by stage: `p50`, `p95`, `p99`, `max`."""
-        result = {}
-        for stage, values in self._stages.items():
-            milliseconds = np.array(values) * 1e-6
-            row = {
-                f"p{p}": float(v) for p, v in zip(PERCENTILES, np.percentile(milliseconds, PERCENTILES), strict=True)
-            }
-            result[stage] = row | {"max": float(milliseconds.max())}
-        return result
+        return {stage: percentiles_ms(np.array(values) * 1e-6) for stage, values in self._stages.items()}
 
 
 def latency_table(summary: Mapping[str, Mapping[str, float]], title: str = "milliseconds a frame") -> object:

@@ -1,0 +1,68 @@
+"""From the trackers of one moment to a picture's worth: solve the pose, stand the joints, deform the skin."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformation.deformer import DeformedMesh, Deformer
+from devices.frame import TrackerFrame, frozen
+from reconstruction.kinematics import world_transforms
+from reconstruction.solver import Reconstructor, Solution
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shot:
+    """All that is known of one moment.
+
+    frame: the trackers; solution: the pose and how far it can be trusted.
+    joints: (J, 4, 4) `T_world_joint`.
+    skin: the deformed character, or None where nothing is skinned.
+    stages_ns: nanoseconds spent by stage.
+    """
+
+    frame: TrackerFrame
+    solution: Solution
+    joints: NDArray[np.float64]
+    skin: DeformedMesh | None
+    stages_ns: dict[str, int]
+
+
+class Pipeline:
+    """The stages in their order, one `step` a tracker frame."""
+
+    def __init__(self, reconstructor: Reconstructor, deformer: Deformer | None = None) -> None:
+        self.reconstructor, self.deformer = reconstructor, deformer
+        self._last_s: float | None = None
+
+    def step(self, frame: TrackerFrame) -> Shot:
+        """One moment, from trackers to vertices."""
+        begin = time.perf_counter_ns()
+        solution = self.reconstructor.solve(frame)
+        solved = time.perf_counter_ns()
+        pose = solution.pose
+        joints = frozen(world_transforms(self.reconstructor.skeleton, pose.root_position, pose.rotations))
+        stood = time.perf_counter_ns()
+        skin = self.deformer.deform(joints, self._elapsed(frame.time_s)) if self.deformer else None
+        end = time.perf_counter_ns()
+        stages = {"solve": solved - begin, "joints": stood - solved, "skin": end - stood, "whole frame": end - begin}
+        return Shot(frame, solution, joints, skin, stages)
+
+    def shots(self, frames: Iterator[TrackerFrame] | list[TrackerFrame]) -> Iterator[Shot]:
+        """`step` over many frames."""
+        return map(self.step, frames)
+
+    def reset(self) -> None:
+        """Forgets what was before, as at the start of a take."""
+        self.reconstructor.reset()
+        if self.deformer:
+            self.deformer.reset()
+        self._last_s = None
+
+    def _elapsed(self, time_s: float) -> float:
+        """Seconds since the last frame, one sixtieth for the first."""
+        elapsed = 1 / 60 if self._last_s is None else time_s - self._last_s
+        self._last_s = time_s
+        return max(elapsed, 0.0)

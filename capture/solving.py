@@ -1,0 +1,89 @@
+"""Solving a whole take: the file's frames through the reconstruction, with the figures a user wants of it."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capture.latency import percentiles_ms
+from devices.errors import FileError, SettingError, choice_error
+from devices.frame import TrackerFrame, frozen
+from devices.progress import Progress, no_progress
+from devices.sample import ROLES
+from reconstruction.database import MotionDatabase
+from reconstruction.motion import Motion
+from reconstruction.skeleton import Skeleton
+from reconstruction.solver import Reconstruction, SolverSettings, reconstruct
+from reconstruction.stature import scaled_to_stature
+from replay_logs.frames import load_frames
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedTake:
+    """A take's frames and what became of them."""
+
+    frames: list[TrackerFrame]
+    reconstruction: Reconstruction
+
+    @property
+    def motion(self) -> Motion:
+        """One pose a frame."""
+        return self.reconstruction.motion
+
+    def figures(self) -> dict:
+        """Poses, seconds of motion, solve milliseconds a frame and mean coverage (about 1 inside the database)."""
+        return {
+            "poses": len(self.motion),
+            "duration_s": round(self.motion.duration_s, 3),
+            "solve_ms": percentiles_ms(self.reconstruction.milliseconds),
+            "coverage": round(float(np.mean(self.reconstruction.coverage)), 3),
+        }
+
+
+def solve_take(
+    take: Path,
+    database: MotionDatabase,
+    method: str = "default",
+    height_m: float | None = None,
+    trackers: str | None = None,
+    progress: Progress = no_progress,
+) -> SolvedTake:
+    """Every frame of a `.mcap` take or a `.csv` of tracks, solved on a body of that stature (the database's if None).
+
+    trackers: the roles to use, with commas between; all where None. Raises FileError and SettingError.
+    """
+    frames = load_frames(take, database.fps, warn=lambda message: print(f"sixpoint: {message}", file=sys.stderr))
+    if trackers is not None:
+        frames = only_roles(frames, trackers)
+    if not any(frame.measured.any() for frame in frames):
+        raise FileError(f"{take}: no tracker with a role in it has a position")
+    settings = SolverSettings()
+    skeleton = performer_skeleton(database, height_m)
+    return SolvedTake(frames, reconstruct(frames, database, skeleton, settings, progress))
+
+
+def performer_skeleton(database: MotionDatabase, height_m: float | None) -> Skeleton:
+    """The database's skeleton, scaled to a stature in metres where one is given."""
+    skeleton = database.space.skeleton
+    return skeleton if height_m is None else scaled_to_stature(skeleton, height_m)
+
+
+def only_roles(frames: list[TrackerFrame], trackers: str) -> list[TrackerFrame]:
+    """The frames with every other role missing. Raises SettingError for an unknown role or fewer than two."""
+    roles = [name.strip() for name in trackers.split(",")]
+    for role in roles:
+        if role not in ROLES:
+            raise choice_error("tracker role", role, ROLES)
+    if len(set(roles)) < 2:
+        raise SettingError(f"at least two trackers are needed, not only {trackers!r}")
+    kept = np.array([role in roles for role in ROLES])
+    return [
+        TrackerFrame(
+            f.time_s,
+            frozen(np.where(kept[:, None], f.positions, np.nan)),
+            frozen(np.where(kept[:, None], f.orientations, np.nan)),
+            frozen(np.where(kept, f.states, 0).astype(np.int8)),
+        )
+        for f in frames
+    ]

@@ -1,0 +1,18 @@
+"""Stature: found from the bones, and set."""
+
+import numpy as np
+import pytest
+
+from reconstruction.standard_body import standard_skeleton
+from reconstruction.stature import scaled_to_stature, stature
+
+
+@pytest.mark.parametrize("height", [1.5, 1.75, 1.95])
+def test_the_standard_body_is_as_tall_as_it_was_made(height):
+    assert stature(standard_skeleton(height)) == pytest.approx(height)
+
+
+def test_scaling_keeps_proportions_and_gives_the_stature():
+    scaled = scaled_to_stature(standard_skeleton(1.75), 1.6)
+    assert stature(scaled) == pytest.approx(1.6)
+    np.testing.assert_allclose(scaled.offsets, standard_skeleton(1.6).offsets)
