@@ -89,7 +89,12 @@ def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path, fps: float) -> N
             if writer is None:
                 size = (even.shape[1], even.shape[0])
                 writer = imageio_ffmpeg.write_frames(
-                    str(path), size, fps=fps, quality=8, macro_block_size=2, ffmpeg_log_level="error"
+                    str(path),
+                    size,
+                    fps=fps,  # type: ignore[arg-type]  # takes fractions, though its stub says int
+                    quality=8,
+                    macro_block_size=2,
+                    ffmpeg_log_level="error",
                 )
                 writer.send(None)
             writer.send(even)
