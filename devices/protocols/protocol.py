@@ -126,6 +126,9 @@ class StreamCounters:
 class SimulatedDevice(ABC):
     """The other end: behaves on the wire as the real device does. Made by `DeviceProtocol.simulator`."""
 
+    streaming: bool = True
+    """Whether it has been told to send (or be polled): until then a simulated motion waits at its beginning."""
+
     @abstractmethod
     def measure(self, samples: Sequence[TrackerSample]) -> list[bytes]:
         """The device has measured all its trackers once; returns the packets it sends by itself, perhaps none.
