@@ -23,7 +23,7 @@ def find_baud(
         if (yield from question()):
             return baud
     speeds = ", ".join(map(str, bauds))
-    raise DeviceError(f"no answer from a {device} at {speeds} baud: {hint}")
+    raise DeviceError(f"no answer from {device} at {speeds} baud: {hint}")
 
 
 class CommandLine:

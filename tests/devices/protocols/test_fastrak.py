@@ -83,7 +83,7 @@ def test_start_finds_the_speed_and_sets_only_the_stations_that_are_on():
 
 
 def test_silence_is_one_clear_line():
-    with pytest.raises(DeviceError, match=r"no answer from a Polhemus FASTRAK at 115200, .* baud: check its power"):
+    with pytest.raises(DeviceError, match=r"no answer from Polhemus FASTRAK at 115200, .* baud: check its power"):
         Wire(Fastrak().simulator(["a"]), bauds=()).run(Fastrak().start())
 
 

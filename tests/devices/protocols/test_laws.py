@@ -47,6 +47,14 @@ CASES = [
     Case("fastrak", 1e-6, options={"inches": True, "items": (2, 4, 1)}),
     Case("fastrak", 1e-4, options={"binary": False, "items": (2, 4, 1)}),
     Case("fastrak", 3e-4, options={"binary": False, "inches": True, "items": (2, 11, 0)}),
+    Case("liberty", 1e-6, trackers=6),
+    Case("liberty", 1e-6, options={"inches": True, "items": (8, 2, 4, 0)}),
+    Case("patriot", 1e-6),
+    Case("flock_of_birds", 6e-5, trackers=4),
+    Case("flock_of_birds", 3e-4, options={"full_scale_in": 144, "record": "position_angles", "first_address": 2}),
+    Case("flock_of_birds", 6e-5, trackers=1, options={"group": False}),
+    Case("flock_of_birds", 6e-5, turns=False, options={"record": "position"}),
+    Case("viper", 1e-6, trackers=6, checksum=True),
 ]
 every_case = pytest.mark.parametrize("case", CASES, ids=str)
 every_serial_case = pytest.mark.parametrize("case", [case for case in CASES if case.serial], ids=str)
