@@ -71,6 +71,8 @@ class HidLink(Link):
         device = module.device()  # type: ignore[union-attr]
         try:
             device.open_path(port.path.encode())
+            # Otherwise a read without a timeout waits for ever.
+            device.set_nonblocking(True)
         except OSError:
             raise DeviceError(
                 f"{port.product or 'HID device'} at {port.path} cannot be opened: in use by another program, or no "
@@ -84,7 +86,7 @@ class HidLink(Link):
             report = self._read_one(timeout_s)
             while report and len(reports) < _MOST_REPORTS:
                 reports.append(report)
-                report = bytes(self._opened().read(self._size, 0) or b"")
+                report = bytes(self._opened().read(self._size) or b"")
         except (OSError, ValueError):
             if not reports:
                 raise self._lost() from None
@@ -111,7 +113,6 @@ class HidLink(Link):
         end = time.perf_counter() + timeout_s
         while True:
             left_ms = int(1000 * max(0.0, end - time.perf_counter()))
-            # A timeout of 0 would block for ever in some versions' `read`.
             report = bytes(self._opened().read(self._size, max(1, min(left_ms, _SLICE_MS))) or b"")
             if report or left_ms <= _SLICE_MS:
                 return report

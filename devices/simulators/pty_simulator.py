@@ -46,7 +46,8 @@ class PtySimulator:
         self._port = PtyPort(link)
         self._closing = threading.Event()
         self._stalled = threading.Event()
-        self._served = threading.Event()
+        self.started = threading.Event()
+        """Set when the motion begins: a host is there, and has started the device where it must."""
         self.finished = threading.Event()
         """Set when the source has ended."""
         self.bytes_sent = 0
@@ -89,6 +90,7 @@ class PtySimulator:
 
     def _run(self) -> None:
         self._wait_for_host()
+        self.started.set()
         start = time.perf_counter()
         for time_s, samples in self._source:
             self._listen_until(start + time_s / self._pace if self._pace else 0.0)

@@ -1,0 +1,149 @@
+"""`sixpoint devices`, `sixpoint simulate` and `sixpoint doctor`."""
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from devices.simulators.pty_simulator import PtySimulator
+    from devices.simulators.source import SimulatedMotion
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print as JSON.")]
+
+
+def devices(as_json: JsonOption = False) -> None:
+    """List the serial ports and HID devices of this machine, and the trackers that sixpoint can read."""
+    from dataclasses import asdict
+
+    from devices.hid_link import hid_ports, matches
+    from devices.protocols import protocols
+    from devices.serial_link import serial_ports
+
+    known = protocols()
+    hid = [
+        (port, next((p.name for p in known.values() if any(matches(port, m) for m in p.hid)), None))
+        for port in hid_ports()
+    ]
+    if as_json:
+        listed = {
+            "serial_ports": [asdict(port) for port in serial_ports()],
+            "hid_devices": [asdict(port) | {"device": name} for port, name in hid],
+            "devices": [
+                {"name": p.name, "title": p.title, "link": p.link, "rate_hz": p.rate_hz, "checked": p.checked}
+                for p in known.values()
+            ],
+        }
+        print(json.dumps(listed))
+        return
+    print("Serial ports:")
+    for port in serial_ports():
+        print(f"  {port.path:<24} {port.description}")
+    print("HID devices:")
+    for port, name in hid:
+        print(f"  {port.path:<24} {port.product} ({port.vendor_id:04x}:{port.product_id:04x}) {name or _no_use(port)}")
+    print("Devices that sixpoint reads:")
+    for p in known.values():
+        print(f"  {p.name:<18} {p.link:<7} {p.rate_hz:>5.0f} Hz  {p.title} (checked: {p.checked})")
+
+
+def _no_use(port: object) -> str:
+    try:
+        from devices.protocols.without_position import why_no_position  # type: ignore[import-not-found]
+    except ImportError:
+        return ""
+    return why_no_position(port.vendor_id, port.product_id) or ""  # type: ignore[attr-defined]
+
+
+def simulate(
+    motion: Annotated[Path, typer.Argument(help="A motion (.bvh, .amc), tracks (.csv) or a take (.mcap).")],
+    device: Annotated[str, typer.Option(help="Which device to be; `sixpoint devices` lists them.")] = "generic",
+    port: Annotated[Path | None, typer.Option(help="A fixed name for the port: a link is made there.")] = None,
+    trackers: Annotated[str | None, typer.Option(help="Roles of trackers 1, 2, ..., with commas between.")] = None,
+    rate: Annotated[float | None, typer.Option(min=1, max=2000, help="Measurements a second.")] = None,
+    noise_mm: Annotated[float, typer.Option(min=0, help="Standard deviation of each coordinate.")] = 0.0,
+    dropout: Annotated[float, typer.Option(min=0, max=0.95, help="Share of the time a tracker is not seen.")] = 0.0,
+    garbage: Annotated[float, typer.Option(min=0, max=1, help="Share of packets with random bytes before.")] = 0.0,
+    unplug_at: Annotated[float | None, typer.Option(min=0, help="Pull the cable out after so many seconds.")] = None,
+    replug_after: Annotated[float, typer.Option(min=0, help="Put it back so many seconds later.")] = 2.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Play on, forwards and backwards, until interrupted.")] = False,
+    seed: Annotated[int, typer.Option(help="Of noise, dropouts and garbage.")] = 0,
+) -> None:
+    """Be a tracker device: a motion's tracker positions as the device's bytes on a pseudo-terminal.
+
+    Prints the port to open, and begins when it is opened.
+    """
+    from devices.protocols import make_protocol
+    from devices.sample import ROLES
+    from devices.simulators.pty_simulator import simulate_device
+    from devices.simulators.source import Faults
+
+    chosen = make_protocol(device)
+    rate_hz = rate or chosen.rate_hz
+    roles = tuple(role.strip() for role in trackers.split(",")) if trackers else ROLES[: chosen.max_trackers]
+    measured = _trackers_of(motion, roles, rate_hz)
+    faults = Faults(noise_m=noise_mm / 1000, dropout=dropout, seed=seed)
+    with simulate_device(
+        measured, device, roles=roles, rate_hz=rate_hz, faults=faults, loop=loop, garbage=garbage, link=port
+    ) as simulator:
+        print(port or simulator.path, flush=True)
+        _play(simulator, unplug_at, replug_after)
+        # The host still has to read what lies in the port.
+        time.sleep(0.5)
+    print(f"{simulator.samples_sent} samples, {simulator.bytes_sent} bytes sent")
+
+
+def _play(simulator: "PtySimulator", unplug_at: float | None, replug_after: float) -> None:
+    """Until the motion ends, with the cable pulled and put back on the way."""
+    simulator.started.wait()
+    if unplug_at is not None and not simulator.finished.wait(unplug_at):
+        simulator.unplug()
+        print("unplugged", flush=True)
+        time.sleep(replug_after)
+        print(f"plugged in again: {simulator.replug()}", flush=True)
+    simulator.finished.wait()
+
+
+def _trackers_of(path: Path, roles: tuple[str, ...], fps: float) -> "SimulatedMotion":
+    """Where the trackers of these roles are in a motion, tracks file or take.
+
+    Raises SettingError for an unknown role, FileError for a file of another kind.
+    """
+    import numpy as np
+
+    from devices.errors import FileError, choice_error
+    from devices.sample import ROLES
+    from devices.simulators.source import SimulatedMotion
+    from reconstruction.motion_files import MOTION_ENDINGS
+
+    for role in roles:
+        if role not in ROLES:
+            raise choice_error("tracker role", role, ROLES)
+    kind = path.suffix.lower()
+    if kind in (".csv", ".mcap"):
+        from replay_logs.frames import load_frames
+
+        frames = load_frames(path, fps)
+        columns = [ROLES.index(role) for role in roles]
+        positions = np.array([frame.positions[columns] for frame in frames])
+        return SimulatedMotion(positions, fps, np.array([frame.orientations[columns] for frame in frames]))
+    if kind not in MOTION_ENDINGS:
+        raise FileError(f"{path}: simulate takes {', '.join(MOTION_ENDINGS)}, .csv or .mcap")
+    return _trackers_of_motion(path, roles)
+
+
+def _trackers_of_motion(path: Path, roles: tuple[str, ...]) -> "SimulatedMotion":
+    from scipy.spatial.transform import Rotation
+
+    from devices.simulators.source import SimulatedMotion
+    from reconstruction.kinematics import world_joints
+    from reconstruction.motion_files import read_motion
+
+    motion = read_motion(path)
+    positions, rotations = world_joints(motion.skeleton, motion.root_positions, motion.rotations)
+    joints = [motion.skeleton.role_joint(role) for role in roles]
+    chosen = rotations[:, joints]
+    quaternions = Rotation.from_matrix(chosen.reshape(-1, 3, 3)).as_quat().reshape(*chosen.shape[:2], 4)
+    return SimulatedMotion(positions[:, joints], motion.fps, quaternions)
