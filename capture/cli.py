@@ -7,7 +7,9 @@ from collections.abc import Callable
 import typer
 from typer.exceptions import Abort, TyperException
 
-from capture.commands import database
+from capture.commands import config, database
+from capture.commands.devices import devices, simulate
+from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
 from devices.errors import SixpointError
 
@@ -27,8 +29,10 @@ def _group(name: str, meaning: str, commands: list[Callable[..., None]]) -> None
     app.add_typer(group, name=name)
 
 
-app.command()(reconstruct)
+for command in (devices, simulate, live, record, reconstruct):
+    app.command()(command)
 _group("database", "Motion databases: what the solver knows.", [database.build, database.info])
+_group("config", "The session's settings.", [config.init, config.check])
 
 
 def main(arguments: list[str] | None = None) -> int:

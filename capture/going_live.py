@@ -1,0 +1,139 @@
+"""What `live` and `record` do: open, run until told to stop, close with everything kept, and say how it went."""
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+from capture.config import SessionConfig
+from capture.latency import LatencyRecorder, latency_table
+from capture.live import OpenDevice, make_pipeline, make_session, open_devices, start_recording
+from capture.progress import progress_bar
+from capture.session import Session
+from devices.errors import FileError
+from replay_logs.recorder import TakeRecorder
+
+
+def tell(message: str) -> None:
+    """A line to the person at the keyboard."""
+    print(f"sixpoint: {message}", file=sys.stderr)
+
+
+def go_live(config: SessionConfig, take: Path | None, seconds: float | None, window: bool, as_json: bool) -> None:
+    """A live session, in a window where there is a display; Ctrl-C, the window's end or `seconds` end it."""
+    from capture.viewer import has_display
+
+    shown = window and has_display()
+    if window and not shown:
+        tell("no display here: solving without a window")
+    _check_take(take)
+    with progress_bar("opening the database") as progress:
+        pipeline = make_pipeline(config, skinned=True, progress=progress)
+    with _open(config) as devices, _recording(take, config, devices) as recorder:
+        session = make_session(config, devices, pipeline, recorder)
+        _run(session, seconds, shown)
+    _report(session.latencies, {"poses": session.solved, "skipped": session.skipped, "take": _name(take)}, as_json)
+
+
+def keep(config: SessionConfig, take: Path | None, seconds: float | None, as_json: bool) -> None:
+    """Records without solving; Ctrl-C or `seconds` end it."""
+    take = take or _dated_take(Path(config.record.folder))
+    _check_take(take)
+    with _open(config) as devices, _recording(take, config, devices) as recorder:
+        session = make_session(config, devices, None, recorder)
+        _run(session, seconds, shown=False)
+    _report(session.latencies, {"samples": session.samples, "take": _name(take)}, as_json)
+
+
+def _run(session: Session, seconds: float | None, shown: bool) -> None:
+    """The session on a thread of its own; this one draws, or waits."""
+    stop = threading.Event()
+    failure: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            session.run(stop)
+        except BaseException as error:
+            failure.append(error)
+        finally:
+            stop.set()
+
+    thread = threading.Thread(target=work, name="session")
+    thread.start()
+    try:
+        _watch(session, stop, seconds, shown)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        stop.set()
+        thread.join()
+    if failure:
+        raise failure[0]
+
+
+def _watch(session: Session, stop: threading.Event, seconds: float | None, shown: bool) -> None:
+    end = None if seconds is None else time.monotonic() + seconds
+    if shown:
+        from capture.live_window import show_session
+
+        show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end))
+        return
+    while not stop.wait(0.05):
+        if end is not None and time.monotonic() > end:
+            return
+
+
+@contextmanager
+def _open(config: SessionConfig) -> Iterator[list[OpenDevice]]:
+    devices = open_devices(config.device, tell)
+    try:
+        yield devices
+    finally:
+        for device in devices:
+            device.driver.close()
+
+
+@contextmanager
+def _recording(take: Path | None, config: SessionConfig, devices: list[OpenDevice]) -> Iterator[TakeRecorder | None]:
+    if take is None:
+        yield None
+        return
+    with start_recording(take, config, devices) as recorder:
+        yield recorder
+
+
+def _check_take(take: Path | None) -> None:
+    """Before anything slow: whether the take can be made at all."""
+    if take is None:
+        return
+    if take.suffix.lower() != ".mcap":
+        raise FileError(f"{take}: a take ends in .mcap")
+    if take.exists():
+        raise FileError(f"{take}: there is a file already; takes are not overwritten")
+    if not take.parent.is_dir():
+        raise FileError(f"{take}: the folder {take.parent} does not exist")
+
+
+def _dated_take(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap"
+
+
+def _name(take: Path | None) -> str | None:
+    return None if take is None else str(take)
+
+
+def _report(latencies: LatencyRecorder, figures: dict, as_json: bool) -> None:
+    from rich.console import Console
+
+    summary = latencies.summary()
+    if as_json:
+        print(json.dumps(figures | {"milliseconds": summary}))
+        return
+    if summary:
+        Console().print(latency_table(summary))
+    print(", ".join(f"{name} {value}" for name, value in figures.items() if value is not None))

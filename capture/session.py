@@ -1,0 +1,112 @@
+"""The live session: devices in, shots out, everything kept. The loop is `Session._turn`."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from capture.clock import SessionClock
+from capture.device_reader import Arrival, DeviceReader
+from capture.latency import LatencyRecorder
+from capture.pipeline import Pipeline, Shot
+from devices.assembler import FrameAssembler
+from devices.driver import Driver
+from devices.frame import TrackerFrame
+from devices.intake import DeviceIntake
+from replay_logs.recorder import TakeRecorder
+
+_TURN_S = 0.02
+_MOST_FRAMES_BEHIND = 6
+"""A session that is later than this skips frames: it would rather be on time than complete. The take is complete."""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionDevice:
+    """An open driver, and how its trackers become roles in the room."""
+
+    driver: Driver
+    intake: DeviceIntake
+
+
+class Session:
+    """Reads devices, records, solves and skins until it is stopped.
+
+    Without a pipeline it only records.
+
+    `latest` is the newest shot, for whoever draws; `watchers` (streams) are called with each, on the session's thread.
+    """
+
+    def __init__(
+        self,
+        devices: Sequence[SessionDevice],
+        assembler: FrameAssembler,
+        pipeline: Pipeline | None,
+        clock: SessionClock,
+        recorder: TakeRecorder | None = None,
+        watchers: Sequence[Callable[[Shot], None]] = (),
+    ) -> None:
+        self.devices, self.assembler, self.pipeline, self.clock = tuple(devices), assembler, pipeline, clock
+        self.recorder, self.watchers = recorder, tuple(watchers)
+        self.latest: Shot | None = None
+        self.latencies = LatencyRecorder()
+        self.solved = self.skipped = self.samples = 0
+        self._inbox: queue.SimpleQueue[Arrival] = queue.SimpleQueue()
+        self.readers = tuple(DeviceReader(i, d.driver, self._inbox) for i, d in enumerate(self.devices))
+
+    def run(self, stop: threading.Event) -> None:
+        """Works until `stop` is set. Raises SixpointError where recording fails: what is asked is not only to solve."""
+        with self._reading():
+            while not stop.is_set():
+                self._turn()
+            self._keep_and_place(self._arrived(0.0))
+
+    def _turn(self) -> None:
+        """One turn of the loop: what arrived is kept, placed, and becomes the frames that are due."""
+        self._keep_and_place(self._arrived(_TURN_S))
+        for frame in self._due() if self.pipeline else ():
+            shot = self.pipeline.step(frame)
+            self.latest, self.solved = shot, self.solved + 1
+            self._time(shot)
+            for watch in self.watchers:
+                watch(shot)
+
+    def _keep_and_place(self, arrivals: list[Arrival]) -> None:
+        for arrival in arrivals:
+            device = self.devices[arrival.device]
+            if self.recorder:
+                self.recorder.write(device.driver.name, arrival.reading)
+            self.assembler.push(device.intake.readings(arrival.reading.samples))
+            self.samples += len(arrival.reading.samples)
+
+    def _due(self) -> list[TrackerFrame]:
+        frames = self.assembler.frames(time.perf_counter_ns())
+        late = max(0, len(frames) - _MOST_FRAMES_BEHIND)
+        self.skipped += late
+        return frames[late:]
+
+    def _arrived(self, timeout_s: float) -> list[Arrival]:
+        """All that has come; waits for the first of it until the next frame is due at the latest."""
+        arrivals: list[Arrival] = []
+        try:
+            arrivals.append(self._inbox.get(timeout=min(timeout_s, 0.5 / self.assembler.rate_hz)))
+            while True:
+                arrivals.append(self._inbox.get_nowait())
+        except queue.Empty:
+            return arrivals
+
+    def _time(self, shot: Shot) -> None:
+        self.latencies.add_all(shot.stages_ns)
+        moment_ns = self.clock.start_ns + round(shot.frame.time_s * 1e9)
+        self.latencies.add("moment to vertices", time.perf_counter_ns() - moment_ns)
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        for reader in self.readers:
+            reader.start()
+        try:
+            yield
+        finally:
+            for reader in self.readers:
+                reader.stop()
