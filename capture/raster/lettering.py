@@ -24,6 +24,35 @@ def letter(image: NDArray[np.uint8], title: str, status: tuple[str, ...]) -> NDA
     return np.asarray(picture)
 
 
+def word_card(
+    lines: tuple[str, ...],
+    height: int,
+    background: tuple[float, float, float],
+    large: bool = False,
+    tab: float = 0.0,
+) -> NDArray[np.uint8]:
+    """A card (h, w, 3) just large enough for lines of words, in the size that `letter` has at that picture height.
+
+    tab: where the words after a tab character begin, in letter heights.
+    """
+    from PIL import Image, ImageDraw
+
+    size = round(max(height // 36, 10) * (1.25 if large else 1.0))
+    font, pitch = _font(size), round(size * 1.35)
+    pieces = [
+        (row, column * tab * size, text)
+        for row, line in enumerate(lines)
+        for column, text in enumerate(line.split("\t"))
+    ]
+    width = max(round(left + font.getlength(text)) for _, left, text in pieces) + size
+    card = Image.new("RGB", (width, pitch * len(lines) + size // 2), tuple(round(255 * c) for c in background))
+    draw = ImageDraw.Draw(card)
+    for row, left, text in pieces:
+        place = (size // 2 + left, row * pitch + size // 4)
+        draw.text(place, text, fill=(38, 44, 54) if large else (70, 78, 92), font=font)
+    return np.asarray(card)
+
+
 @cache
 def _font(size: int):
     from PIL import ImageFont

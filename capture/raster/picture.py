@@ -95,6 +95,17 @@ def render(scene: Scene, width: int = 960, height: int = 540, samples: int = 2) 
     return letter(_encoded(image), scene.title, scene.status)
 
 
+def lit_colours(surface: Surface, camera: Camera) -> NDArray[np.float64]:
+    """(V, 3) sRGB, 0 to 1: the same studio lights on each vertex, without shadows, for whoever draws it elsewhere."""
+    solid = _prepared(surface)
+    pixels = np.ones((1, len(solid.vertices), 10), np.float32)
+    pixels[0, :, :9] = np.concatenate([solid.vertices, solid.normals, solid.colours], axis=1)
+    open_share = np.ones(pixels.shape[:2], np.float32)
+    image = np.zeros((*pixels.shape[:2], 3), np.float32)
+    light_pixels(pixels, open_share, open_share, camera.eye, _placed_lights(camera), 1.0, image)
+    return _encoded(image)[0] / 255.0
+
+
 def linear(colours: ArrayLike) -> NDArray[np.float64]:
     """sRGB (0 to 1) to linear light, IEC 61966-2-1."""
     values = np.asarray(colours, np.float64)

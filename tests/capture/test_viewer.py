@@ -1,0 +1,106 @@
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture import viewer
+from capture.scene import Camera, Lines, Scene, Spheres, Surface
+from devices.errors import SixpointError
+
+SCRIPT = """
+import sys
+import numpy as np
+from capture.raster import save_png
+from capture.viewer import show, snapshot
+from capture.viewing import Action, Layers
+from tests.capture.test_viewer import picture
+
+save_png(snapshot(picture(), 320, 200), sys.argv[1])
+
+class Turning:
+    duration_s, frame_s, asked = 1.0, 1 / 60, 0
+    def scene(self, time_s, layers):
+        assert layers == Layers(lattice=True)
+        self.asked += 1
+        return picture(with_skin=self.asked % 3 != 0)
+
+source = Turning()
+show(source, pictures=7, layers=Layers(lattice=True), actions={"R": Action("record", print)})
+print("pictures", source.asked)
+"""
+
+
+def picture(with_skin: bool = True) -> Scene:
+    corners = np.array([[-0.5, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [-0.5, 1, 0]])
+    ghost = Surface(corners - [0, 0, 0.5], np.array([[0, 1, 2]]), opacity=0.3)
+    red = Surface(corners, np.array([[0, 1, 2], [0, 2, 3]]), colours=(0.9, 0.1, 0.1))
+    behind = Spheres(np.array([[0, 0.5, -0.3], [np.nan, 0, 0]]), 0.12, (0.1, 0.9, 0.1), through=1.0)
+    hidden = Spheres(np.array([[0.3, 0.5, -0.3]]), 0.12, (0.1, 0.1, 0.9), through=0.0)
+    return Scene(
+        surfaces=(ghost, red) if with_skin else (),
+        lines=(Lines(corners, np.array([[0, 2]]), width=4.0, through=1.0), Lines(corners, np.array([[1, 3]]))),
+        spheres=(behind, hidden),
+        camera=Camera(target=(0, 0.5, 0), distance=3.0, yaw=0.0, pitch=0.05),
+        title="window",
+        status=("status",),
+    )
+
+
+@pytest.mark.skipif(not shutil.which("xvfb-run"), reason="xvfb-run is not installed (Debian package xvfb)")
+def test_the_window_shows_surfaces_marks_and_words_on_a_virtual_screen(tmp_path):
+    from PIL import Image
+
+    path = tmp_path / "window.png"
+    command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", SCRIPT, str(path)]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["pictures", "7"]
+    seen = np.asarray(Image.open(path)).astype(int)
+    assert seen.shape == (200, 320, 3)
+    red = (seen[..., 0] > 100) & (seen[..., 1] < 90) & (seen[..., 2] < 90)
+    green = (seen[..., 1] > seen[..., 0] + 60) & (seen[..., 1] > seen[..., 2] + 60)
+    blue = (seen[..., 2] > seen[..., 0] + 60) & (seen[..., 2] > seen[..., 1] + 60)
+    assert red.sum() > 4000, "the surface"
+    assert green.sum() > 150, "the ball that shines through it"
+    assert np.abs(np.argwhere(green).mean(axis=0) - [100, 160]).max() < 12
+    assert blue.sum() == 0, "the ball that it hides"
+    dark = seen.max(axis=2) < 130
+    assert dark[:40, :100].any(), "the title"
+    assert dark[160:, :100].any(), "the status"
+
+
+def test_no_display_is_told_in_one_line(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert not viewer.has_display()
+    with pytest.raises(SixpointError, match="no display"):
+        viewer.snapshot(Scene())
+
+
+@pytest.mark.parametrize(
+    ("message", "package"),
+    [
+        ("libusb-1.0.so.0: cannot open shared object file: No such file or directory", "libusb-1.0-0"),
+        ("libGL.so.1: cannot open shared object file", "libgl1"),
+        ("libEGL.so.1: cannot open shared object file", "libegl1"),
+    ],
+)
+def test_a_missing_system_library_names_its_package(monkeypatch, message, package):
+    import builtins
+
+    real = builtins.__import__
+
+    def failing(name, *rest, **named):
+        if name == "open3d":
+            raise OSError(message)
+        return real(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", failing)
+    monkeypatch.setenv("DISPLAY", ":77")
+    with pytest.raises(SixpointError, match=f"apt-get install {package}") as told:
+        viewer.snapshot(Scene())
+    assert "\n" not in str(told.value)
