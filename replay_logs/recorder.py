@@ -1,7 +1,9 @@
 """Writes a take while it happens; a crash loses at most the last quarter of a second."""
 
+import contextlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -52,7 +54,7 @@ class TakeRecorder:
             raise FileError(f"{path}: there is a file already; takes are not overwritten") from None
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error.strerror}") from None
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._writer.start(profile="sixpoint")
         self._writer.add_metadata(METADATA_NAME, _about() | dict(metadata or {}))
         self._schema = self._writer.register_schema(
@@ -61,6 +63,7 @@ class TakeRecorder:
         self._raw: dict[str, int] = {}
         self._poses: dict[tuple[str, str], int] = {}
         self._flushed_ns: int | None = None
+        self._failed = False
 
     def add_device(self, device: RecordedDevice) -> None:
         """Makes a device known, once, before its first reading."""
@@ -72,32 +75,41 @@ class TakeRecorder:
 
     def write(self, device: str, reading: Reading) -> None:
         """Keeps what one `read` of a device brought. Raises FileError where the disk will not take it."""
-        for chunk in reading.chunks:
-            self._writer.add_message(self._raw[device], chunk.host_time_ns, chunk.data, chunk.host_time_ns)
-        for sample in reading.samples:
-            if sample.position is not None:
-                data = pose_message(device, sample)
-                self._writer.add_message(
-                    self._pose_channel(device, sample.tracker), sample.host_time_ns, data, sample.host_time_ns
-                )
+        with self._told():
+            for chunk in reading.chunks:
+                self._writer.add_message(self._raw[device], chunk.host_time_ns, chunk.data, chunk.host_time_ns)
+            for sample in reading.samples:
+                if sample.position is not None:
+                    channel = self._pose_channel(device, sample.tracker)
+                    data = pose_message(device, sample)
+                    self._writer.add_message(channel, sample.host_time_ns, data, sample.host_time_ns)
         if reading.chunks:
             self._flush_when_due(reading.chunks[-1].host_time_ns)
 
     def flush(self) -> None:
-        """Hands everything so far to the operating system."""
-        try:
+        """Hands everything so far to the operating system. Raises FileError as `write` does."""
+        with self._told():
             self._writer.flush()
-        except OSError as error:
-            raise FileError(f"{self.path}: recording stopped: {error.strerror}; what was kept is whole") from None
 
     def close(self) -> None:
-        """Finishes the file: index and summary."""
-        if self._file.closed:
+        """Finishes the file: index and summary. After a failed write it only closes it."""
+        if self._failed or self._file.closed:
+            with contextlib.suppress(OSError):
+                self._file.close()
             return
-        try:
+        with self._told():
             self._writer.finish()
-        finally:
             self._file.close()
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._failed = True
+            raise FileError(
+                f"{self.path}: recording stopped: {error.strerror}; what was kept before opens as a cut-off take"
+            ) from None
 
     def __enter__(self) -> "TakeRecorder":
         return self

@@ -11,13 +11,15 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import IO
 
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
@@ -148,32 +150,37 @@ class _Records:
         """Byte at which the first record that is not whole begins."""
 
     def __iter__(self) -> Iterator[McapRecord]:
-        at = len(MCAP0_MAGIC)
+        at, crc = len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC)
         while True:
             head = self._file.read(_RECORD_HEAD.size)
             opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, self._size)
             end = at + _RECORD_HEAD.size + length
+            self.broken_at = at
             if end > self._size:
-                self.broken_at = at
                 return
-            if opcode == Opcode.FOOTER:
-                self._file.seek(end)
-                self.broken_at = None if self._file.read() == MCAP0_MAGIC else end
-                return
+            body = self._file.read(length)
             try:
-                yield from self._content(opcode)
-            except (McapError, ValueError, KeyError, struct.error, zlib.error, OverflowError, MemoryError):
-                self.broken_at = at
+                if opcode == Opcode.FOOTER:
+                    self.broken_at = None if self._file.read() == MCAP0_MAGIC else end
+                    return
+                if opcode == Opcode.DATA_END and DataEnd.read(_stream(body)).data_section_crc not in (0, crc):
+                    return
+                yield from _content(opcode, body)
+            except (McapError, ValueError, struct.error, zlib.error, zstandard.ZstdError, MemoryError):
                 return
-            self._file.seek(end)
+            crc = zlib.crc32(body, zlib.crc32(head, crc))
             at = end
 
-    def _content(self, opcode: int) -> list[McapRecord]:
-        if opcode == Opcode.CHUNK:
-            return breakup_chunk(Chunk.read(ReadDataStream(self._file)), validate_crc=True)
-        if opcode == Opcode.METADATA:
-            return [Metadata.read(ReadDataStream(self._file))]
-        return []
+
+def _content(opcode: int, body: bytes) -> list[McapRecord]:
+    """What of a record matters here: the records inside a chunk whose checksum holds, and metadata."""
+    if opcode == Opcode.CHUNK:
+        return breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
+    return [Metadata.read(_stream(body))] if opcode == Opcode.METADATA else []
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
 
 
 def _assemble(path: Path, records: _Records) -> Take:
@@ -196,8 +203,8 @@ def _assemble(path: Path, records: _Records) -> Take:
     if records.broken_at is None:
         return take
     missing = (
-        f"{path}: cut off or damaged at byte {records.broken_at}: read up to the last whole chunk, "
-        f"{take.duration_s:.2f} s; what came after is missing"
+        f"{path}: cut off or damaged at byte {records.broken_at}: read up to the last whole chunk before it, "
+        f"{take.duration_s:.2f} s; what may have come after is missing"
     )
     return Take(path, take.devices, held, metadata, missing)
 

@@ -99,7 +99,7 @@ class GenericBinary(DeviceProtocol):
         yield Write(b"\0")
         yield Drain(0.02, 0.2)
         yield Write(frame(COMMAND.pack(COMMAND_TYPE, QUERY, 0)))
-        self.feed((yield Receive(0.3, size=INFO.size + 4)), 0)
+        self.feed((yield Receive(0.3, size=INFO.size + 5)), 0)
         yield Write(frame(COMMAND.pack(COMMAND_TYPE, START, round(self.rate_hz))))
 
     def stop(self) -> Script:

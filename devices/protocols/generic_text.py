@@ -128,7 +128,8 @@ class GenericText(DeviceProtocol):
         yield Drain(0.02, 0.2)
         yield Write(sentence("TRKQ"))
         reply = yield Receive(0.3, until=b"$TRKI,")
-        reply += yield Receive(0.1, until=b"\n")
+        # The names of its trackers follow; those that come later are read from the stream.
+        reply += yield Receive(0.1)
         for line in reply.split(b"\n"):
             self._line(line, 0)
         yield Write(sentence(f"TRKS,1,{self.rate_hz:.0f}"))
