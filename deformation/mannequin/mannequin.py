@@ -1,0 +1,48 @@
+"""A body for any skeleton: landmarks, shape, quads, fitted in the bind pose."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformation.bind_pose import bind_pose
+from deformation.mannequin.body import body_field
+from deformation.mannequin.cage import corner_positions, outer_faces
+from deformation.mannequin.fitting import divide, relax
+from deformation.mannequin.landmarks import landmarks
+from deformation.mesh import Mesh, all_quads
+from devices.errors import choice_error
+from devices.frame import frozen
+from reconstruction.kinematics import world_transforms
+from reconstruction.motion import Pose
+from reconstruction.skeleton import Skeleton
+
+RESOLUTIONS = ("low", "medium", "high")
+"""About 7,000, 13,000 and 28,000 vertices."""
+
+_LENGTHWISE = {
+    "torso 0": 5, "torso 1": 3, "torso 2": 6, "torso 3": 3, "torso 4": 2, "torso 5": 3, "torso 6": 6, "torso 7": 4,
+    "leg 0": 5, "leg 1": 11, "leg 2": 5, "leg 3": 5, "leg 4": 11, "leg 5": 2, "leg 6": 2, "foot 0": 5, "foot 1": 4,
+    "arm 0": 4, "arm 1": 8, "arm 2": 4, "arm 3": 10, "arm 4": 2, "arm 5": 3, "arm 6": 1,
+    "finger 0": 3, "finger 1": 4, "thumb 0": 3, "thumb 1": 3,
+}  # fmt: skip
+_AROUND = {"column": 3, "depth": 2}
+_SCALE = {"low": 1.0, "medium": 1.36, "high": 2.0}
+
+
+def mannequin(
+    skeleton: Skeleton, resolution: str = "medium", reference: Pose | None = None
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """The mesh of a body around a skeleton in its bind pose, and the joints' `T_world_joint` (J, 4, 4) there.
+
+    The mesh is closed, all quads, of one piece without handles, faces outward, feet on y = 0, facing +Z. `reference` is
+    a pose of the skeleton's motion, needed where its rest pose is no pose of a person (see `bind_pose`).
+    Raises SettingError for an unknown resolution, SixpointError for a skeleton without arms or legs.
+    """
+    if resolution not in RESOLUTIONS:
+        raise choice_error("resolution", resolution, RESOLUTIONS)
+    transforms = world_transforms(skeleton, *bind_pose(skeleton, reference))
+    body = landmarks(skeleton, transforms[:, :3, 3])
+    positions = corner_positions(body)
+    counts = {name: round(_SCALE[resolution] * n) for name, n in (_LENGTHWISE | _AROUND).items()}
+    patches = divide(outer_faces(positions), positions, counts)
+    vertices = relax(patches.vertices, patches.quads, body_field(body), rounds=20)
+    return all_quads(vertices, patches.quads), frozen(transforms)
