@@ -8,9 +8,11 @@ import typer
 from typer.exceptions import Abort, TyperException
 
 from capture.commands import config, database
+from capture.commands.demo import demo
 from capture.commands.devices import devices, simulate
 from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
+from capture.commands.replay import replay
 from devices.errors import SixpointError
 
 app = typer.Typer(
@@ -29,7 +31,7 @@ def _group(name: str, meaning: str, commands: list[Callable[..., None]]) -> None
     app.add_typer(group, name=name)
 
 
-for command in (devices, simulate, live, record, reconstruct):
+for command in (demo, devices, simulate, live, record, replay, reconstruct):
     app.command()(command)
 _group("database", "Motion databases: what the solver knows.", [database.build, database.info])
 _group("config", "The session's settings.", [config.init, config.check])

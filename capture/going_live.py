@@ -33,6 +33,8 @@ def go_live(config: SessionConfig, take: Path | None, seconds: float | None, win
     _check_take(take)
     with progress_bar("opening the database") as progress:
         pipeline = make_pipeline(config, skinned=True, progress=progress)
+    with progress_bar("loading kernels"):
+        pipeline.warm_up()
     with _open(config) as devices, _recording(take, config, devices) as recorder:
         session = make_session(config, devices, pipeline, recorder)
         _run(session, seconds, shown)

@@ -1,7 +1,6 @@
 """From the trackers of one moment to a picture's worth: solve the pose, stand the joints, deform the skin."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +8,11 @@ from numpy.typing import NDArray
 
 from deformation.deformer import DeformedMesh, Deformer
 from devices.frame import TrackerFrame, frozen
+from devices.sample import ROLES
 from reconstruction.kinematics import world_transforms
 from reconstruction.solver import Reconstructor, Solution
+
+_WARM_UP_FRAMES = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -19,7 +21,7 @@ class Shot:
 
     frame: the trackers; solution: the pose and how far it can be trusted.
     joints: (J, 4, 4) `T_world_joint`.
-    skin: the deformed character, or None where nothing is skinned.
+    skin: the deformed character, its own copy, or None where nothing is skinned.
     stages_ns: nanoseconds spent by stage.
     """
 
@@ -45,14 +47,17 @@ class Pipeline:
         pose = solution.pose
         joints = frozen(world_transforms(self.reconstructor.skeleton, pose.root_position, pose.rotations))
         stood = time.perf_counter_ns()
-        skin = self.deformer.deform(joints, self._elapsed(frame.time_s)) if self.deformer else None
+        skin = _kept(self.deformer.deform(joints, self._elapsed(frame.time_s))) if self.deformer else None
         end = time.perf_counter_ns()
         stages = {"solve": solved - begin, "joints": stood - solved, "skin": end - stood, "whole frame": end - begin}
         return Shot(frame, solution, joints, skin, stages)
 
-    def shots(self, frames: Iterator[TrackerFrame] | list[TrackerFrame]) -> Iterator[Shot]:
-        """`step` over many frames."""
-        return map(self.step, frames)
+    def warm_up(self) -> None:
+        """Runs some frames of the database through and forgets them: no kernel is loaded in the first real ones."""
+        tracks = np.asarray(self.reconstructor.database.tracks[:_WARM_UP_FRAMES], np.float64)
+        for number, positions in enumerate(tracks):
+            self.step(TrackerFrame.from_positions(number / 60, dict(zip(ROLES, positions, strict=True))))
+        self.reset()
 
     def reset(self) -> None:
         """Forgets what was before, as at the start of a take."""
@@ -66,3 +71,8 @@ class Pipeline:
         elapsed = 1 / 60 if self._last_s is None else time_s - self._last_s
         self._last_s = time_s
         return max(elapsed, 0.0)
+
+
+def _kept(skin: DeformedMesh) -> DeformedMesh:
+    """A copy that stays when the deformer goes on: another thread may be drawing it."""
+    return DeformedMesh(*(frozen(array.copy()) for array in (skin.vertices, skin.normals, skin.particles)))

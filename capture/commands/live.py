@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from capture.commands.options import AsJson
+
 Config = Annotated[Path | None, typer.Argument(help="session.toml; without it every setting is its default.")]
 Device = Annotated[str | None, typer.Option(help="The protocol of the one device, instead of the configured ones.")]
 Port = Annotated[str | None, typer.Option(help="Its port: a path, socket://host:port, or a HID path.")]
@@ -18,7 +20,7 @@ def live(
     take: Annotated[Path | None, typer.Option("--record", help="Keep everything in this take (.mcap).")] = None,
     seconds: Seconds = None,
     window: Annotated[bool, typer.Option(help="Show the character in a window, where there is a display.")] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the closing figures as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Solve what the trackers send, show it, and keep it if asked."""
     from capture.going_live import go_live
@@ -32,7 +34,7 @@ def record(
     device: Device = None,
     port: Port = None,
     seconds: Seconds = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the closing figures as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Keep everything that the trackers send in a take, without solving it."""
     from capture.going_live import keep

@@ -7,21 +7,20 @@ from typing import Annotated
 
 import typer
 
+from capture.commands.options import AsJson, Database, Height, Take
 from devices.errors import FileError
 
 
 def reconstruct(
-    take: Annotated[Path, typer.Argument(help="A take (.mcap), or tracks (.csv).")],
+    take: Take,
     out: Annotated[Path, typer.Option(help="The motion to write: .bvh, .glb, .csv or .npz.")],
-    database: Annotated[
-        str, typer.Option(help="A folder made by `database build`, or `library` for ours.")
-    ] = "library",
+    database: Database = "library",
     method: Annotated[
         str, typer.Option(help="`default`, or `paper`: the reconstruction paper to the letter.")
     ] = "default",
-    height_m: Annotated[float | None, typer.Option(help="The performer's stature; else the database's body.")] = None,
+    height_m: Height = None,
     trackers: Annotated[str | None, typer.Option(help="Use only these roles, with commas between.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Solve a take: one pose a database frame period, from its first sample to its last."""
     from capture.export import motion_writer, write_motion

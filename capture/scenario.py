@@ -1,0 +1,40 @@
+"""From a file and a character's name to what can be played: the common start of demo, replay and deform."""
+
+from pathlib import Path
+
+from capture.characters import average_pose, load_character
+from capture.library import open_named_database
+from capture.playing import Performance
+from capture.progress import progress_bar
+from capture.solving import SolvedTake, solve_take
+from capture.stage import Stage
+from deformation.deformer import Deformer
+from reconstruction.motion import Pose
+from reconstruction.motion_files import read_motion
+from reconstruction.skeleton import Skeleton
+
+TAKES = (".mcap", ".csv")
+
+
+def performance_of(path: Path, database: str, height_m: float | None = None) -> tuple[Performance, Pose]:
+    """A take solved, or a motion read, and a pose of it that stands."""
+    if path.suffix.lower() not in TAKES:
+        motion = read_motion(path)
+        return Performance(motion), motion.pose(0)
+    with progress_bar("opening the database") as progress:
+        known = open_named_database(database, progress)
+    with progress_bar("solving") as progress:
+        solved = solve_take(path, known, height_m=height_m, progress=progress)
+    return performance(solved), average_pose(known, solved.motion.skeleton)
+
+
+def performance(solved: SolvedTake) -> Performance:
+    """A solved take as it is played."""
+    r = solved.reconstruction
+    return Performance(solved.motion, solved.frames, r.sigma, r.coverage)
+
+
+def staged(skeleton: Skeleton, character: str, resolution: str, reference: Pose | None) -> tuple[Stage, Deformer]:
+    """The stage with a character on that skeleton, and what deforms it."""
+    bound = load_character(character, skeleton, resolution, reference)
+    return Stage(skeleton, bound), Deformer(bound)
