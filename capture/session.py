@@ -63,9 +63,11 @@ class Session:
             self._keep_and_place(self._arrived(0.0))
 
     def _turn(self) -> None:
-        """One turn of the loop: what arrived is kept, placed, and becomes the frames that are due."""
+        """One turn of the loop: what arrived is kept and placed, and becomes the shots that are due."""
         self._keep_and_place(self._arrived(_TURN_S))
-        for frame in self._due() if self.pipeline else ():
+        if self.pipeline is None:
+            return
+        for frame in self._due():
             shot = self.pipeline.step(frame)
             self.latest, self.solved = shot, self.solved + 1
             self._time(shot)

@@ -1,0 +1,43 @@
+"""Stand-ins for what tests have no hardware or no time for."""
+
+import time
+
+from devices.driver import RawChunk, Reading
+from devices.errors import DeviceError
+from devices.sample import ROLES, TrackerSample
+
+
+class FakeDriver:
+    """A device that gives each reading of a list once, then nothing; or fails to open."""
+
+    def __init__(self, readings=(), name="fake", broken=False):
+        self.name, self.broken = name, broken
+        self.closed = 0
+        self._readings = list(readings)
+
+    def open(self):
+        if self.broken:
+            raise DeviceError(f"{self.name} is broken: mend it")
+
+    def read(self, timeout_s):
+        if self._readings:
+            return self._readings.pop(0)
+        time.sleep(min(timeout_s, 0.005))
+        return Reading()
+
+    def close(self):
+        self.closed += 1
+
+
+def readings_now(count, rate_hz=200.0, roles=ROLES):
+    """Readings of all roles, named by role, one after another in host time from now; raw bytes number them."""
+    start = time.perf_counter_ns()
+    made = []
+    for number in range(count):
+        at = start + round(number / rate_hz * 1e9)
+        samples = tuple(
+            TrackerSample(role, at, tuple(np.array([i, 1.0, number / rate_hz]).tolist()))
+            for i, role in enumerate(roles)
+        )
+        made.append(Reading((RawChunk(at, b"%d;" % number),), samples))
+    return made
