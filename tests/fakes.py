@@ -35,9 +35,6 @@ def readings_now(count, rate_hz=200.0, roles=ROLES):
     made = []
     for number in range(count):
         at = start + round(number / rate_hz * 1e9)
-        samples = tuple(
-            TrackerSample(role, at, tuple(np.array([i, 1.0, number / rate_hz]).tolist()))
-            for i, role in enumerate(roles)
-        )
+        samples = tuple(TrackerSample(role, at, (float(i), 1.0, number / rate_hz)) for i, role in enumerate(roles))
         made.append(Reading((RawChunk(at, b"%d;" % number),), samples))
     return made
