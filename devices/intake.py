@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from devices.axes import Quaternion, Vector
+from devices.clock_map import ClockMap
 from devices.errors import choice_error
+from devices.filters import GateSettings, OneEuroFilter, OneEuroSettings, OutlierGate
 from devices.room import RoomTransform
 from devices.sample import ROLES, SampleFlag, TrackerSample
 
@@ -34,29 +36,60 @@ def role_indices(assignment: Mapping[str, str]) -> dict[str, int]:
 class DeviceIntake:
     """Turns one device's samples into role readings; trackers without a role, lost and held samples fall away.
 
-    assignment: tracker -> role, such as {"1": "left_wrist"}. Raises SettingError for an unknown role.
+    assignment: tracker -> role, such as {"1": "left_wrist"}. room: where the device stands. gate, smoothing: what is
+    done against outliers and noise, None for nothing. Where a device has a clock, readings get the host time at which
+    they were taken by it (`clock`), not that of their arrival. Raises SettingError for an unknown role.
     """
 
     assignment: Mapping[str, str]
     room: RoomTransform = field(default_factory=RoomTransform)
+    gate: GateSettings | None = field(default_factory=GateSettings)
+    smoothing: OneEuroSettings | None = None
+    clock: ClockMap = field(default_factory=ClockMap)
 
     def __post_init__(self) -> None:
         self._roles = role_indices(self.assignment)
+        self._gates: dict[str, OutlierGate] = {}
+        self._filters: dict[str, OneEuroFilter] = {}
+
+    @property
+    def rejected(self) -> int:
+        """Readings that the gate kept out."""
+        return sum(gate.rejected for gate in self._gates.values())
 
     def readings(self, samples: Iterable[TrackerSample]) -> list[RoleReading]:
-        """The readings of the samples that have a role and a position."""
-        moved = not self.room.is_identity
+        """The readings of the samples that have a role and a position to be believed."""
         found = []
         for sample in samples:
             role = self._roles.get(sample.tracker)
+            time_ns = sample.host_time_ns
+            if sample.device_time_s is not None:
+                time_ns = self.clock.host_ns(sample.device_time_s, time_ns)
             if role is None or sample.position is None or sample.flags & SampleFlag.HELD:
                 continue
-            position, orientation = sample.position, sample.orientation
-            if moved:
-                position = self.room.point(position)
-                orientation = self.room.orientation(orientation) if orientation else None
-            found.append(RoleReading(role, sample.host_time_ns, position, orientation))
+            if self.gate is None or self._believed(time_ns * 1e-9, sample):
+                position, orientation = self._placed(sample.position, sample.orientation)
+                if self.smoothing is not None:
+                    smooth = self._filter(sample.tracker, self.smoothing)
+                    position, orientation = smooth(time_ns * 1e-9, position, orientation)
+                found.append(RoleReading(role, time_ns, position, orientation))
         return found
+
+    def _believed(self, time_s: float, sample: TrackerSample) -> bool:
+        gate = self._gates.get(sample.tracker)
+        if gate is None:
+            gate = self._gates[sample.tracker] = OutlierGate(self.gate or GateSettings())
+        return gate(time_s, sample)
+
+    def _filter(self, tracker: str, settings: OneEuroSettings) -> OneEuroFilter:
+        found = self._filters.setdefault(tracker, OneEuroFilter(settings))
+        found.settings = settings
+        return found
+
+    def _placed(self, position: Vector, orientation: Quaternion | None) -> tuple[Vector, Quaternion | None]:
+        if self.room.is_identity:
+            return position, orientation
+        return self.room.point(position), self.room.orientation(orientation) if orientation else None
 
 
 IDENTITY_ASSIGNMENT: Mapping[str, str] = {role: role for role in ROLES}

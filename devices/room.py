@@ -27,7 +27,7 @@ class RoomTransform:
         half = math.radians(yaw_deg) / 2
         return cls((0.0, math.sin(half), 0.0, math.cos(half)), translation)
 
-    @property
+    @cached_property
     def is_identity(self) -> bool:
         """Whether it changes nothing."""
         return self == RoomTransform()
