@@ -65,7 +65,8 @@ def show(
     """Opens a window over a source and returns when it is closed.
 
     layers: what is shown at first; actions: keys of the session's own (upper case letters), shown in the help;
-    until: closes by itself once this is true; pictures: or after so many, for tests. Raises SixpointError where no window can be opened.
+    until: closes by itself once this is true; pictures: or after so many, for tests. Raises SixpointError where no
+    window can be opened.
     """
     controls = Controls(
         Playback(source.duration_s, source.frame_s), layers=layers or Layers(), actions=dict(actions or {})

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from capture.colour import linear, srgb_bytes
 from capture.raster.floor import FloorLight, floor_light, paint_studio
 from capture.raster.lettering import letter
 from capture.raster.marks import draw_lines, draw_spheres
@@ -92,7 +93,7 @@ def render(scene: Scene, width: int = 960, height: int = 540, samples: int = 2) 
     for ghost in (s for s in scene.surfaces if 0.0 < s.opacity < 1.0):
         _draw_surface(image, view, _joined([ghost]), lights, _NO_SHADOW, ghost.opacity, samples, behind=nearness)
     _draw_marks(image, view, scene, lights, nearness)
-    return letter(_encoded(image), scene.title, scene.status)
+    return letter(srgb_bytes(image), scene.title, scene.status)
 
 
 def lit_colours(surface: Surface, camera: Camera) -> NDArray[np.float64]:
@@ -103,26 +104,9 @@ def lit_colours(surface: Surface, camera: Camera) -> NDArray[np.float64]:
     open_share = np.ones(pixels.shape[:2], np.float32)
     image = np.zeros((*pixels.shape[:2], 3), np.float32)
     light_pixels(pixels, open_share, open_share, camera.eye, _placed_lights(camera), 1.0, image)
-    return _encoded(image)[0] / 255.0
+    return srgb_bytes(image)[0] / 255.0
 
 
-def linear(colours: ArrayLike) -> NDArray[np.float64]:
-    """sRGB (0 to 1) to linear light, IEC 61966-2-1."""
-    values = np.asarray(colours, np.float64)
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def _encoded(image: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return _SRGB_BYTES[(np.clip(image, 0.0, 1.0) * (len(_SRGB_BYTES) - 1) + 0.5).astype(np.uint16)]
-
-
-def _srgb_bytes(entries: int = 8192) -> NDArray[np.uint8]:
-    light = np.linspace(0.0, 1.0, entries)
-    curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.round(255 * curve).astype(np.uint8)
-
-
-_SRGB_BYTES = _srgb_bytes()
 _PALETTE = linear([_BACKDROP_ABOVE, _BACKDROP, _FLOOR, _GRID])
 _OCTAHEDRON = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 _OCTAHEDRON_FACES = np.array([(x, y, z) for x in (0, 1) for y in (2, 3) for z in (4, 5)])

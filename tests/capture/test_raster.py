@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.raster import contact_sheet, render, save_png
-from capture.raster.picture import linear
 from capture.raster.triangles import fill_triangles, fill_triangles_reference
 from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface
 
@@ -122,11 +121,6 @@ def test_read_only_arrays_are_taken():
     marks = (Lines(vertices, faces[:, :2], colours[:2]),), (Spheres(vertices, 0.1, colours),)
     scene = bare(surfaces=(Surface(vertices, faces, vertices, colours),), lines=marks[0], spheres=marks[1])
     assert render(scene, 32, 32).shape == (32, 32, 3)
-
-
-def test_linear_light_is_the_standard_curve():
-    assert linear([0.0, 1.0]).tolist() == [0.0, 1.0]
-    assert linear(0.5) == pytest.approx(0.2140, abs=1e-4)
 
 
 def test_png_holds_the_very_pixels(tmp_path):
