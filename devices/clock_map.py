@@ -2,8 +2,8 @@
 
 Bytes only ever come late, never early, and a USB adapter hands them over in batches. So of each second only the reading
 that came with the least delay counts, and a line through those (Theil 1950, Sen 1968: the median of all slopes) is the
-map. What comes early for that line, or far too late for long, or runs back, comes from a clock that was set anew: the fit
-restarts.
+map. What comes early for that line, or far too late for long, or runs back, comes from a clock that was set anew: the
+fit restarts.
 """
 
 from collections import deque
@@ -65,7 +65,7 @@ class ClockMap:
             return True
         if lateness <= _LATE_S:
             self._late_since = None
-            return lateness < -_EARLY_S
+            return bool(self._blocks) and lateness < -_EARLY_S
         if self._late_since is None or device < self._late_since:
             self._late_since = device
         return device - self._late_since > _LATE_FOR_S
@@ -105,4 +105,4 @@ class ClockMap:
         self.drift = self._offset = self._offset_at = self._correction = 0.0
         self._best, self._block_end, self._late_since = (0.0, 0.0), BLOCK_S, None
         self._blocks.clear()
-        self._last = (0.0, min(earliest, host_time_ns))
+        self._last = (0.0, earliest)
