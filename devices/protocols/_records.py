@@ -7,10 +7,11 @@ import re
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from devices.axes import Quaternion, Vector
-from devices.errors import choice_error
+from devices.errors import SettingError, choice_error
+from devices.protocols._phase_words import scaled, word, word_bytes
 from devices.protocols._poses import (
     FORWARD_RIGHT_DOWN,
     IDENTITY,
@@ -31,13 +32,15 @@ class Item:
     """One entry of an output list.
 
     codes: `struct` codes of its values in binary. decimals: digits after the point of each 7-column value in text.
-    literal: for blanks and line ends, the very bytes.
+    literal: for blanks and line ends, the very bytes. full_scale: where above 0, the values are 14-bit words (codes
+    "H") of this full scale, in metres, degrees or 1; they exist in binary only.
     """
 
     field: Field
     codes: str = ""
     decimals: int = 2
     literal: bytes = b""
+    full_scale: float = 0.0
 
 
 COLUMN = 7
@@ -48,19 +51,23 @@ class RecordLayout:
     """One output list's record: its size, how to read it and how to write it.
 
     items: numbers of the list. table: what they mean for this family. header: `struct` codes (binary) before them.
-    Raises SettingError for a number the table does not have.
+    Raises SettingError for a number the table does not have, or has in binary only.
     """
 
     def __init__(self, items: Sequence[int], table: Mapping[int, Item], header: str, binary: bool = True) -> None:
         unknown = next((number for number in items if number not in table), None)
         if unknown is not None:
             raise choice_error("item of the output list", unknown, sorted(table))
+        packed = next((number for number in items if table[number].full_scale and not binary), None)
+        if packed is not None:
+            raise SettingError(f"item {packed} of the output list has no text form: use binary = true")
         self.items = tuple(table[number] for number in items)
         self.binary = binary
         self.header = struct.Struct(f"<{header}")
         self.body = struct.Struct("<" + "".join(f"{len(i.literal)}x" if i.literal else i.codes for i in self.items))
         self.size = self.header.size + (self.body.size if binary else sum(_text_size(i) for i in self.items))
         self._at = self._value_places()
+        self._packed = {item.field: item.full_scale for item in self.items if item.full_scale}
         self._literals = self._literal_places()
         self._text = re.compile(b"".join(_text_pattern(i) for i in self.items))
 
@@ -74,33 +81,34 @@ class RecordLayout:
                 return None
         return self.body.unpack_from(record, start + self.header.size)
 
-    def value(self, values: tuple, field: Field) -> int | None:
-        """A one-number field as an integer, or None where the list has none of it."""
+    def value(self, values: tuple, field: Field) -> Any:
+        """A one-number field's number, or None where the list has none of it."""
         place = self._at.get(field)
-        return None if place is None else int(values[place])
+        return None if place is None else values[place]
 
     def pose(self, values: tuple, unit_m: float) -> Pose | None:
         """Position in metres and turn, in `RUB`; None where the numbers cannot be a pose.
 
         A quaternion of zeros is what a receiver without a signal gives: that pose has no orientation.
         """
-        position = self._triple(values, "position")
-        if position is not None:
-            position = (position[0] * unit_m, position[1] * unit_m, position[2] * unit_m)
+        position = self._numbers(values, "position", 3)
+        if position:
+            unit = 1.0 if "position" in self._packed else unit_m
+            position = (position[0] * unit, position[1] * unit, position[2] * unit)
             if not plausible_position(position):
                 return None
-        euler = self._triple(values, "euler")
-        if euler is not None and not plausible_euler(euler):
+        euler = self._numbers(values, "euler", 3)
+        if euler and not plausible_euler(euler):
             return None
         turn = quaternion_from_euler(euler) if euler else None
-        place = self._at.get("quaternion")
-        if place is not None:
-            w, x, y, z = values[place : place + 4]
+        quaternion = self._numbers(values, "quaternion", 4)
+        if quaternion:
+            w, x, y, z = quaternion
             turn = unit_quaternion((x, y, z, w))
             if turn is None and (w or x or y or z):
                 return None
         axes = FORWARD_RIGHT_DOWN
-        return position and axes.to_rub(position), turn and axes.quaternion_to_rub(turn)
+        return axes.to_rub(position) if position else None, turn and axes.quaternion_to_rub(turn)
 
     def encode(self, header: tuple, sample: TrackerSample, unit_m: float, numbers: Mapping[Field, int]) -> bytes:
         """A whole record of a sample that has a position; numbers: the one-number fields, 0 where not given."""
@@ -114,22 +122,32 @@ class RecordLayout:
                     record += item.literal
                     continue
                 case "position":
-                    values: tuple[float, ...] = (x / unit_m, y / unit_m, z / unit_m)
+                    unit = 1.0 if item.full_scale else unit_m
+                    values: tuple[float, ...] = (x / unit, y / unit, z / unit)
                 case "euler":
                     values = euler_from_quaternion(turn)
                 case "quaternion":
                     values = (turn[3], *turn[:3])
                 case number:
                     values = (numbers.get(number, 0),)
-            if self.binary:
+            if item.full_scale:
+                packed = bytearray(word_bytes([scaled(value, item.full_scale) for value in values]))
+                packed[0] |= 0x80
+                record += packed
+            elif self.binary:
                 record += struct.pack(f"<{item.codes}", *values)
             else:
                 record += b"".join(f"{value:{COLUMN}.{item.decimals}f}".encode() for value in values)
         return record
 
-    def _triple(self, values: tuple, field: Field) -> Vector | None:
+    def _numbers(self, values: tuple, field: Field, count: int) -> Any:
+        """The `count` numbers of a field, () where the list has none of it."""
         place = self._at.get(field)
-        return None if place is None else values[place : place + 3]
+        if place is None:
+            return ()
+        numbers = values[place : place + count]
+        full_scale = self._packed.get(field)
+        return tuple(word(n) * full_scale / 32768 for n in numbers) if full_scale else numbers
 
     def _value_places(self) -> dict[Field, int]:
         """Field -> index of its first number among a record's numbers."""

@@ -54,6 +54,9 @@ class Fastrak(FramedProtocol):
 
     stations: ClassVar[str] = "1234"
     table: ClassVar[Mapping[int, Item]] = ITEMS
+    endings: ClassVar[tuple[int, ...]] = (0, 1)
+    flagging: ClassVar[bool] = True
+    """Whether the third character can be an error letter."""
     restart_s: ClassVar[float] = 10.0
 
     binary: bool = True
@@ -63,8 +66,9 @@ class Fastrak(FramedProtocol):
 
     def __post_init__(self) -> None:
         self.items, self.hemisphere = tuple(self.items), tuple(self.hemisphere)
-        if not self.items or self.items[-1] not in (0, 1):
-            raise SettingError(f"{self.name}: output list {self.items} must end in 0 or 1, or frames cannot be found")
+        if not self.items or self.items[-1] not in self.endings:
+            endings = " or ".join(map(str, self.endings))
+            raise SettingError(f"{self.name}: output list {self.items} must end in {endings}, to find its records by")
         self._layout = RecordLayout(self.items, self.table, "2ss", self.binary)
 
     @property
@@ -78,18 +82,21 @@ class Fastrak(FramedProtocol):
         if len(buffer) - start < self._layout.size:
             return WAIT
         station, error = chr(buffer[start + 1]), chr(buffer[start + 2])
-        if station not in self.stations or not (error == " " or (error.isascii() and error.isalpha())):
+        good = error == " " or (self.flagging and error.isascii() and error.isalpha())
+        if station not in self.stations or not good:
             return DROP_ONE
         values = self._layout.values(buffer, start)
         pose = values and self._layout.pose(values, self.unit_m)
-        if not pose:
+        if not values or not pose:
             self.counters.bad_frames += 1
             return DROP_ONE
+        time_ms = self._layout.value(values, "time_ms")
         sample = TrackerSample(
             tracker=str(int(station, 16)),
             host_time_ns=host_time_ns,
             position=pose[0],
             orientation=pose[1],
+            device_time_s=None if time_ms is None else time_ms / 1000,
             quality=0.1 if error in WEAK_SIGNAL else None,
             flags=SampleFlag.NONE if error == " " else SampleFlag.SUSPECT,
         )
@@ -140,17 +147,16 @@ class Fastrak(FramedProtocol):
         return active
 
     def simulator(self, roles: Sequence[str]) -> "SimulatedFastrak":
-        return SimulatedFastrak(self, len(roles))
+        return SimulatedFastrak(self, len(roles), status="2.14  3SPACE FASTRAK", status_size=55)
 
 
 class SimulatedFastrak(SimulatedDevice):
     """A FASTRAK fresh from the factory: text, inches, `2,4,1`, silent until asked."""
 
     immediate: ClassVar[str] = "PCcFfUuSTXW\x0b\x19\x11\x13"
-    status: ClassVar[str] = "2.14  3SPACE FASTRAK"
-    status_size: ClassVar[int] = 55
 
-    def __init__(self, protocol: Fastrak, trackers: int) -> None:
+    def __init__(self, protocol: Fastrak, trackers: int, status: str, status_size: int) -> None:
+        self._status_text, self._status_size = status, status_size
         self._table = protocol.table
         self._stations = protocol.stations[:trackers]
         self._all_stations = protocol.stations
@@ -202,8 +208,8 @@ class SimulatedFastrak(SimulatedDevice):
 
     def _status(self) -> bytes:
         flags = 0x3F0 | self.binary | (not self.inches) << 1 | self.streaming << 3
-        text = f"2{self._stations[:1] or '1'}S{flags:03X}  0 F3   {self.status}"
-        return text.ljust(self.status_size - 2).encode() + b"\r\n"
+        text = f"2{self._stations[:1] or '1'}S{flags:03X}  0 F3   {self._status_text}"
+        return text.ljust(self._status_size - 2).encode() + b"\r\n"
 
     def _records(self) -> list[bytes]:
         """One record for each receiver that is seen; one unplugged sends nothing."""
@@ -212,5 +218,6 @@ class SimulatedFastrak(SimulatedDevice):
         for station, sample in zip(self._stations, self._samples, strict=False):
             if sample.position is not None:
                 layout = RecordLayout(self.items[station], self._table, "2ss", self.binary)
-                records.append(layout.encode((f"0{station}".encode(), b" "), sample, unit, {}))
+                time_ms = round(1000 * (sample.device_time_s or 0.0))
+                records.append(layout.encode((f"0{station}".encode(), b" "), sample, unit, {"time_ms": time_ms}))
         return records

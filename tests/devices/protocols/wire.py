@@ -1,7 +1,8 @@
 """An imaginary line between a protocol's scripts and its simulator: no ports, no time."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from devices.protocols.protocol import (
@@ -29,14 +30,20 @@ POSE_A_FRD = TrackerSample("1", 0, (-0.15, -0.45, -0.3), (_Y, -_Z, -_X, _W))
 
 
 class Wire:
-    """Carries out a script's steps against a simulator. bauds: the speeds at which the device understands."""
+    """Carries out a script's steps against a simulator.
 
-    def __init__(self, device: SimulatedDevice, bauds: tuple[int, ...] | None = None) -> None:
+    bauds: the speeds at which the two understand each other. samples: what the device measures while it is listened to.
+    """
+
+    def __init__(
+        self, device: SimulatedDevice, bauds: tuple[int, ...] | None = None, samples: Sequence[TrackerSample] = ()
+    ) -> None:
         self.device = device
+        self.samples = samples
         self.inbox = b""
         self.written = b""
         self._bauds = bauds
-        self._heard = True
+        self._heard = bauds != ()
 
     def run(self, script: Script) -> None:
         try:
@@ -57,6 +64,8 @@ class Wire:
             case Drain():
                 self.inbox = b""
             case Receive(_, until, size):
+                if self._heard and not (until in self.inbox if until else 0 < size <= len(self.inbox)):
+                    self.inbox += b"".join(self.device.measure(self.samples))
                 return self._take(until, size)
             case SendFeature(report):
                 self.device.set_feature(report)
@@ -87,6 +96,6 @@ def poll(protocol: DeviceProtocol, device: SimulatedDevice, host_time_ns: int) -
 def started(protocol: DeviceProtocol, trackers: int) -> SimulatedDevice:
     """A simulator that the protocol's own start-up script has brought to streaming."""
     device = protocol.simulator([f"tracker {n}" for n in range(trackers)])
-    Wire(device).run(protocol.start())
+    Wire(device, samples=[replace(POSE_A_FRD, tracker=str(n + 1)) for n in range(trackers)]).run(protocol.start())
     protocol.reset()
     return device
