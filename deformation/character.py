@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.heat_weights import heat_weights, separate_branches, skeleton_bones, strongest
-from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, trilinear
+from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
 from deformation.mesh import Mesh
 from deformation.skinning import Binding, bind_centres
 from devices.errors import SettingError
@@ -15,13 +15,19 @@ from devices.frame import frozen
 from reconstruction.motion import Pose
 from reconstruction.skeleton import Skeleton
 
+DEFAULT_PARTICLES = 1900
+"""About what the paper settles on (section V)."""
+
+_MOST_WEIGHED = 30_000
+"""Above so many particles the weights are worked out on the lattice itself, no longer on one of half its cells."""
+
 
 @dataclass(frozen=True)
 class LatticeSettings:
     """How finely a character is cut into cells, and how its bones claim them.
 
-    cell_size_m: edge of a cell; particles: their number, instead of the cell size. Give at most one of both.
-    bone_width: radius of a bone in cells of the weights' lattice (half the cell size); bone_strength: its heat e_j.
+    cell_size_m: edge of a cell; particles: about how many, instead of the cell size. With neither, about 1,900.
+    bone_width: radius of a bone in half cells; bone_strength: its heat e_j.
     """
 
     cell_size_m: float | None = None
@@ -51,7 +57,7 @@ class Character:
     @cached_property
     def bind_inverse(self) -> NDArray[np.float64]:
         """(J, 4, 4) `T_joint_world` of the bind pose."""
-        return np.linalg.inv(self.bind)
+        return np.linalg.inv(self.bind).astype(np.float64)
 
 
 def make_character(
@@ -68,9 +74,11 @@ def make_character(
     """
     settings = settings or LatticeSettings()
     lattice, fine, parents = build_lattices(mesh, _cell_size(mesh, settings))
-    positions = bind[:, :3, 3]
-    bones = skeleton_bones(skeleton, positions, settings.bone_width * fine.cell_size, settings.bone_strength)
-    fine_weights = separate_branches(heat_weights(fine, bones, len(skeleton)), skeleton, positions)
+    if len(fine.particles) > _MOST_WEIGHED:
+        fine, parents = lattice, np.arange(len(lattice.cells), dtype=np.int32)
+    positions = np.ascontiguousarray(bind[:, :3, 3])
+    bones = skeleton_bones(skeleton, positions, settings.bone_width * lattice.cell_size / 2, settings.bone_strength)
+    fine_weights = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
     on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
     joints, weights = (frozen(a) for a in strongest(coarser(fine_weights, fine, lattice, parents)))
@@ -115,8 +123,4 @@ def _cell_size(mesh: Mesh, settings: LatticeSettings) -> float:
         return cell_size_for(mesh, settings.particles)
     if settings.cell_size_m is not None:
         return settings.cell_size_m
-    return float(np.ptp(mesh.vertices[:, 1])) * _CELL_SHARE
-
-
-_CELL_SHARE = 0.0295
-"""The default cell edge against the body's height: about 1,900 particles on a grown person."""
+    return expected_cell_size(mesh, DEFAULT_PARTICLES)

@@ -2,16 +2,19 @@
 
 The paper spreads the heat by sweeps until "completion"; a lone hot bone would in the end heat everything. With the own
 bone at 1 and all others at 0 the steady state is unique, its weights sum to 1 by themselves, and it is the solution of
-one sparse linear system: a harmonic function a joint on the graph of eq. 3.
+one sparse linear system: a function a joint on the graph of eq. 3. As in the paper's model, the bone heat of Baran and
+Popovic, "Automatic rigging and animation of 3D characters" (2007), every particle also trades heat with its nearest
+bone, by the inverse square of their distance: without it the long bones of the hips and shoulders flood the trunk.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
+from scipy.spatial import KDTree
 
 from deformation.lattice import CORNERS, Lattice
 from devices.errors import SixpointError
@@ -19,6 +22,18 @@ from reconstruction.skeleton import Skeleton
 
 _LONE_BONE = 0.5
 """A joint without an end site gets a bone of this share of its parent's, straight on."""
+
+_SIDE_BRANCH = 0.5
+"""How far a bone reaches towards a branch that leaves it sideways, hips to thigh: beyond, the flesh is the branch's."""
+
+_TRADE = 3.0
+"""Heat that a particle one cell from its nearest bone trades with it, against unit conductance along the lattice."""
+
+_RELATED = 4
+"""Steps in the skeleton between bones that may claim each other's flesh through the air."""
+
+_OUTSIDE = 2.0
+"""A bone whose middle is so many cells from all of the body drives nothing: a root that stands on the floor, say."""
 
 _EPSILON = 1e-9
 
@@ -40,9 +55,16 @@ class Bones:
 
 
 def skeleton_bones(skeleton: Skeleton, positions: NDArray[np.float64], width: float, strength: float = 1.0) -> Bones:
-    """A bone from each joint to each of its children, joints at positions (J, 3) metres; zero lengths are left out."""
-    segments = [(int(p), positions[p], positions[j]) for j, p in enumerate(skeleton.parents) if p >= 0]
+    """A bone from each joint to each of its children, joints at positions (J, 3) metres; zero lengths are left out.
+
+    Of several children the one straight on gets a whole bone, the others the first half of one.
+    """
+    segments = []
     for joint, children in enumerate(skeleton.children):
+        onward = _child_straight_on(skeleton, positions, joint)
+        for child in children:
+            reach = 1.0 if child == onward else _SIDE_BRANCH
+            segments.append((joint, positions[joint], positions[joint] + reach * (positions[child] - positions[joint])))
         parent = skeleton.parents[joint]
         if not children and not skeleton.is_end[joint] and parent >= 0:
             along = _LONE_BONE * (positions[joint] - positions[parent])
@@ -59,6 +81,34 @@ def skeleton_bones(skeleton: Skeleton, positions: NDArray[np.float64], width: fl
     )
 
 
+def _child_straight_on(skeleton: Skeleton, positions: NDArray[np.float64], joint: int) -> int:
+    """The child that goes on as the way to the joint went; from the root, the one with most joints below it."""
+    children, parent = skeleton.children[joint], skeleton.parents[joint]
+    if len(children) < 2:
+        return children[0] if children else -1
+    if parent < 0:
+        return max(children, key=lambda child: len(subtree(skeleton, child)))
+    inward = positions[joint] - positions[parent]
+    outward = positions[list(children)] - positions[joint]
+    length = np.maximum(np.linalg.norm(outward, axis=1), _EPSILON)
+    return children[int(np.argmax(outward @ inward / length))]
+
+
+def bones_inside(bones: Bones, lattice: Lattice) -> Bones:
+    """The bones that run in the body. Raises SixpointError where there are none."""
+    middle = (bones.heads + bones.tails) / 2
+    inside = KDTree(lattice.particles).query(middle)[0] <= _OUTSIDE * lattice.cell_size
+    if not inside.any():
+        low, high = lattice.particles.min(axis=0).round(2), lattice.particles.max(axis=0).round(2)
+        raise SixpointError(
+            f"the skeleton stands outside the mesh: joints around {middle.mean(axis=0).round(2)} m, mesh from {low} to "
+            f"{high} m; check their units and places"
+        )
+    return Bones(
+        bones.heads[inside], bones.tails[inside], bones.joints[inside], bones.strength[inside], bones.width[inside]
+    )
+
+
 def bone_distances(bones: Bones, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, B) metres from points (N, 3) to each bone's segment."""
     along = bones.tails - bones.heads
@@ -67,29 +117,32 @@ def bone_distances(bones: Bones, points: NDArray[np.float64]) -> NDArray[np.floa
     return np.linalg.norm(away - share[..., None] * along, axis=2)
 
 
-def seeds(lattice: Lattice, bones: Bones) -> NDArray[np.int64]:
-    """(P,) the bone each particle belongs to outright, as its nearest and within its width; -1 elsewhere.
+def nearest_bones(lattice: Lattice, bones: Bones, skeleton: Skeleton) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(P,) the bone nearest to each particle and (P,) metres to it less its width, never below zero.
 
-    A piece of the lattice that no bone reaches gives its particle nearest to a bone to that bone.
+    Nearest is meant within the body. Where the bone nearest through the air (a hand beside a thigh) is no near relative
+    in the skeleton of the one nearest along the lattice, the latter counts. A piece of the lattice that no bone comes
+    near belongs to the bone nearest through the air.
     """
-    distance = bone_distances(bones, lattice.particles) - bones.width
-    nearest = distance.argmin(axis=1)
-    gap = distance.min(axis=1)
-    seed = np.where(gap <= 0, nearest, -1)
-    piece = lattice_pieces(lattice)
-    for lone in np.setdiff1d(piece, piece[seed >= 0]):
-        members = np.flatnonzero(piece == lone)
-        closest = members[gap[members].argmin()]
-        seed[closest] = nearest[closest]
-    return seed
+    gap = bone_distances(bones, lattice.particles) - bones.width
+    nearest, straight = gap.argmin(axis=1), np.maximum(gap.min(axis=1), 0)
+    sources = np.flatnonzero(straight <= 0)
+    if not len(sources):
+        return nearest, straight
+    steps = conductance(lattice)
+    steps.data = (1 / steps.data - 1) * lattice.cell_size
+    around, _, source = dijkstra(steps, indices=sources, min_only=True, return_predecessors=True)
+    within = np.where(np.isfinite(around), nearest[np.maximum(source, 0)], nearest)
+    apart = joints_apart(skeleton)[bones.joints[nearest], bones.joints[within]] > _RELATED
+    return np.where(apart, within, nearest), np.where(apart, around, straight)
 
 
-def lattice_pieces(lattice: Lattice) -> NDArray[np.int32]:
-    """(P,) the number of the connected piece of the lattice each particle is in."""
-    size = len(lattice.particles)
-    first = np.repeat(lattice.cells[:, 0], 7)
-    graph = coo_matrix((np.ones(len(first), np.int8), (first, lattice.cells[:, 1:].reshape(-1))), shape=(size, size))
-    return connected_components(graph, directed=False)[1]
+def joints_apart(skeleton: Skeleton) -> NDArray[np.int64]:
+    """(J, J) steps in the skeleton's tree from one joint to another."""
+    chains: list[set[int]] = []
+    for joint, parent in enumerate(skeleton.parents):
+        chains.append({joint} | (chains[parent] if parent >= 0 else set()))
+    return np.array([[len(a ^ b) for b in chains] for a in chains])
 
 
 def conductance(lattice: Lattice) -> csr_matrix:
@@ -99,26 +152,32 @@ def conductance(lattice: Lattice) -> csr_matrix:
     rows, columns = lattice.cells[:, a].reshape(-1), lattice.cells[:, b].reshape(-1)
     size = len(lattice.particles)
     ones, cost = np.ones(len(rows)), np.tile(weight, len(lattice.cells))
-    times = coo_matrix((ones, (rows, columns)), shape=(size, size)).tocsr()
-    total = coo_matrix((cost, (rows, columns)), shape=(size, size)).tocsr()
-    total.data /= times.data
-    return total + total.T
+    times = csr_matrix((ones, (rows, columns)), shape=(size, size))
+    total = csr_matrix((cost, (rows, columns)), shape=(size, size))
+    mean = np.asarray(total.data, np.float64) / np.asarray(times.data, np.float64)
+    half = csr_matrix((mean, total.indices, total.indptr), shape=(size, size))
+    return csr_matrix(half + half.T)
 
 
-def heat_weights(lattice: Lattice, bones: Bones, joints: int) -> NDArray[np.float64]:
+def heat_weights(lattice: Lattice, bones: Bones, skeleton: Skeleton) -> NDArray[np.float64]:
     """(P, J) steady heat of every particle from every joint's bones; rows sum to 1.
 
-    Solves eq. 5, e_p = sum_k ew_pk e_k, for all joints at once with the seeds held: e_j on own ones, 0 on others'.
+    Solves eq. 5, e_p = sum_k ew_pk e_k, for all joints at once, with the particles within a bone's width held at its
+    heat e_j and the others trading heat with their nearest bone.
     """
-    seed = seeds(lattice, bones)
-    held = seed >= 0
-    heat = np.zeros((len(seed), joints))
-    heat[held, bones.joints[seed[held]]] = bones.strength[seed[held]]
+    bones = bones_inside(bones, lattice)
+    nearest, distance = nearest_bones(lattice, bones, skeleton)
+    held = distance <= 0
+    bone_heat = np.zeros((len(nearest), len(skeleton)))
+    bone_heat[np.arange(len(nearest)), bones.joints[nearest]] = bones.strength[nearest]
+    heat = np.where(held[:, None], bone_heat, 0)
     if not held.all():
         wt = conductance(lattice)
+        trade = _TRADE * (lattice.cell_size / (distance[~held] + bones.width[nearest[~held]])) ** 2
         laplacian = (diags(np.asarray(wt.sum(axis=1)).ravel()) - wt).tocsr()[~held]
-        factor = splu(laplacian[:, ~held].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        heat[~held] = factor.solve(-(laplacian[:, held] @ heat[held]))
+        system = (laplacian[:, ~held] + diags(trade)).tocsc()
+        factor = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        heat[~held] = factor.solve(trade[:, None] * bone_heat[~held] - laplacian[:, held] @ heat[held])
     heat = np.maximum(heat, 0)
     return heat / heat.sum(axis=1, keepdims=True)
 
@@ -152,7 +211,7 @@ def separate_branches(
     """
     result = weights.copy()
     for joint, left, right in opposite_branches(skeleton, positions):
-        branches = [_subtree(skeleton, left), _subtree(skeleton, right)]
+        branches = [subtree(skeleton, left), subtree(skeleton, right)]
         totals = [result[:, branch].sum(axis=1) for branch in branches]
         shared = np.minimum(*totals)
         for branch, total in zip(branches, totals, strict=True):
@@ -161,10 +220,11 @@ def separate_branches(
     return result
 
 
-def _subtree(skeleton: Skeleton, joint: int) -> list[int]:
+def subtree(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint and all that hang on it."""
     members = [joint]
     for child in skeleton.children[joint]:
-        members += _subtree(skeleton, child)
+        members += subtree(skeleton, child)
     return members
 
 

@@ -6,15 +6,15 @@ own, and cells share a particle only where the body goes on from one to the othe
 models". So an arm that hangs beside a hip has its own particles, at any cell size.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
-from deformation.mesh import Mesh
+from deformation.mesh import Mesh, surface_area, volume
 from deformation.voxels import Voxels, voxelise
 from devices.errors import SettingError
 from devices.frame import frozen
@@ -24,6 +24,9 @@ CORNERS = np.array([[(corner >> axis) & 1 for axis in range(3)] for corner in ra
 
 VOXELS_PER_CELL = 4
 """How finely the body inside a cell is looked at, along each edge."""
+
+_CORNERS_PER_FACE = 2.1
+"""Particles for each cell face of surface beside those for the volume inside, as measured on four bodies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +103,26 @@ def build_lattices(mesh: Mesh, cell_size: float) -> tuple[Lattice, Lattice, NDAr
     return lattices[0], lattices[1], frozen(_holding(coarse, fine, voxels))
 
 
+def expected_cell_size(mesh: Mesh, particles: int) -> float:
+    """The cell size in metres at which a lattice is expected to have about so many particles, without building one.
+
+    Solves V / h^3 + k A / h^2 = particles for the volume V and the area A of the mesh.
+    """
+    spread, inside = _CORNERS_PER_FACE * surface_area(mesh), abs(volume(mesh))
+    low, high = np.sqrt(spread / particles), np.sqrt(spread / particles) + np.cbrt(inside / particles)
+    for _ in range(60):
+        size = (low + high) / 2
+        expected = inside / size**3 + spread / size**2
+        low, high = (size, high) if expected > particles else (low, size)
+    return float(high)
+
+
 def cell_size_for(mesh: Mesh, particles: int) -> float:
     """The cell size in metres at which a mesh's lattice has about so many particles. Raises SettingError below 50."""
     if particles < 50:
         raise SettingError(f"{particles} lattice particles: use at least 50")
-    extent = mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)
-    size = float(np.cbrt(np.prod(extent) / particles))
-    for _ in range(6):
+    size = expected_cell_size(mesh, particles)
+    for _ in range(4):
         count = len(build_lattices(mesh, size)[0].particles)
         if abs(count - particles) <= 0.01 * particles:
             break
@@ -115,47 +131,65 @@ def cell_size_for(mesh: Mesh, particles: int) -> float:
 
 
 def _pieces(voxels: Voxels, points: NDArray[np.float64], triangles: NDArray[np.int32], factor: int) -> _Pieces:
-    """Divides the body into the pieces within cells of `factor` voxels."""
-    shape = np.array(voxels.shape) // factor
-    cell, face = _touched_cells((points[triangles] - voxels.origin) / (voxels.size * factor), shape)
-    number = np.ravel_multi_index(tuple(cell.T), tuple(shape))
+    """Divides the body into the pieces within cells of `factor` voxels.
+
+    A piece is made of inside voxels and of the parts of triangles within its cell: nodes of a graph, voxels first.
+    """
+    shape = tuple(n // factor for n in voxels.shape)
+    cell, face = _touched_cells((points[triangles] - voxels.origin) / (voxels.size * factor), np.array(shape))
+    number = np.asarray(np.ravel_multi_index(tuple(cell.T), shape), np.int64)
     order = np.argsort(number * len(triangles) + face)
     cell, face, number = cell[order], face[order], number[order]
     keys = number * len(triangles) + face
-    of_solid = np.ravel_multi_index(tuple((voxels.solid // factor).T), tuple(shape))
-    nodes = len(voxels.solid) + len(keys)
+    solid = len(voxels.solid)
+    of_voxel = np.asarray(np.ravel_multi_index(tuple((voxels.solid // factor).T), shape), np.int64)
+    edges = _links_within(voxels, of_voxel, keys, triangles)
+    pieces, label = _components(edges, solid + len(keys))
+    cell_of = np.empty((pieces, 3), np.int64)
+    cell_of[label[:solid]] = voxels.solid // factor
+    cell_of[label[solid:]] = cell
+    links = np.concatenate([label[voxels.links], *_same_face_pairs(face, label[solid:])])
+    near = (np.abs(cell_of[links[:, 0]] - cell_of[links[:, 1]]) <= 1).all(axis=1) & (links[:, 0] != links[:, 1])
+    key = np.unique(links[near, 0] * pieces + links[near, 1])
+    return _Pieces(
+        cell_of, label[:solid], keys, label[solid:], len(triangles), np.stack([key // pieces, key % pieces], axis=1)
+    )
 
-    def find(cells: NDArray[np.int64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The node of a triangle in a cell, -1 where it does not touch it."""
+
+def _links_within(
+    voxels: Voxels, cell_of_voxel: NDArray[np.integer], keys: NDArray[np.int64], triangles: NDArray[np.int32]
+) -> NDArray[np.int64]:
+    """(L, 2) nodes that hang together within their cell: voxels side by side, a voxel and the surface it meets,
+    triangles that share an edge."""
+    number, face = keys // len(triangles), keys % len(triangles)
+    solid = len(voxels.solid)
+
+    def part(cells: NDArray[np.integer], faces: NDArray[np.integer]) -> NDArray[np.int64]:
+        """The node of a triangle in a cell, -1 where it does not reach there."""
         wanted = cells * len(triangles) + faces
         place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return np.where(keys[place] == wanted, place + len(voxels.solid), -1)
+        return np.where(keys[place] == wanted, place + solid, -1)
 
-    side_by_side = _neighbour_faces(triangles)
-    neighbour = [(face_a, face_b) for face_a, face_b in (side_by_side.T, side_by_side[:, ::-1].T)]
-    local = [voxels.links[of_solid[voxels.links[:, 0]] == of_solid[voxels.links[:, 1]]]]
-    touching = find(of_solid[voxels.contacts[:, 0]], voxels.contacts[:, 1])
-    local.append(np.stack([voxels.contacts[:, 0], touching], axis=1)[touching >= 0])
-    row, other = _pairs_of(face, neighbour)
-    found = find(number[row], other)
-    local.append(np.stack([row + len(voxels.solid), found], axis=1)[found >= 0])
-    edges = np.concatenate(local)
-    graph = coo_matrix((np.ones(len(edges), np.int8), tuple(edges.T)), shape=(nodes, nodes))
-    pieces, label = connected_components(graph, directed=False)
-    cell_of = np.empty((pieces, 3), np.int64)
-    cell_of[label[: len(voxels.solid)]] = voxels.solid // factor
-    cell_of[label[len(voxels.solid) :]] = cell
-    across = [label[voxels.links], *_same_face_pairs(face, label[len(voxels.solid) :])]
-    links = np.concatenate(across)
-    near = (np.abs(cell_of[links[:, 0]] - cell_of[links[:, 1]]).max(axis=1) <= 1) & (links[:, 0] != links[:, 1])
-    return _Pieces(
-        cell_of,
-        label[: len(voxels.solid)],
-        keys,
-        label[len(voxels.solid) :],
-        len(triangles),
-        np.unique(links[near], axis=0),
+    a, b = voxels.links.T
+    same = cell_of_voxel[a] == cell_of_voxel[b]
+    voxel, touched = voxels.contacts.T
+    met = part(cell_of_voxel[voxel], touched)
+    row, other = _neighbours_of(face, triangles)
+    beside = part(number[row], other)
+    return np.concatenate(
+        [
+            voxels.links[same].astype(np.int64),
+            np.stack([voxel, met], axis=1)[met >= 0],
+            np.stack([row + solid, beside], axis=1)[beside >= 0],
+        ]
     )
+
+
+def _components(pairs: NDArray[np.integer], nodes: int) -> tuple[int, NDArray[np.int64]]:
+    """How many connected pieces pairs (L, 2) make of the nodes, and the piece (nodes,) that each is in."""
+    graph = coo_matrix((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(nodes, nodes))
+    count, label = connected_components(graph, directed=False)
+    return int(count), np.asarray(label, np.int64)
 
 
 def _touched_cells(
@@ -165,8 +199,9 @@ def _touched_cells(
 
     The separating axis test of Akenine-Moller, "Fast 3D triangle-box overlap testing" (2001).
     """
-    low = np.clip(np.floor(corners.min(axis=1)).astype(np.int64), 0, shape - 1)
-    high = np.clip(np.floor(corners.max(axis=1)).astype(np.int64), 0, shape - 1)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    low = np.clip(np.floor(np.minimum(np.minimum(a, b), c)).astype(np.int64), 0, shape - 1)
+    high = np.clip(np.floor(np.maximum(np.maximum(a, b), c)).astype(np.int64), 0, shape - 1)
     count = high - low + 1
     total = count.prod(axis=1)
     face = np.repeat(np.arange(len(corners)), total)
@@ -186,32 +221,27 @@ def _overlaps(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
     axes += [np.cross(np.eye(3)[axis], sides[:, side]) for axis in range(3) for side in range(3)]
     touching = np.ones(len(corners), bool)
     for axis in axes:
-        reach = np.einsum("nij,nj->ni", corners, axis)
-        radius = 0.5 * np.abs(axis).sum(axis=1) + 1e-12
-        touching &= (reach.min(axis=1) <= radius) & (reach.max(axis=1) >= -radius)
+        a, b, c = (np.einsum("nj,nj->n", corners[:, corner], axis) for corner in range(3))
+        radius = 0.5 * (np.abs(axis) @ np.ones(3)) + 1e-12
+        touching &= (np.minimum(np.minimum(a, b), c) <= radius) & (np.maximum(np.maximum(a, b), c) >= -radius)
     return touching
 
 
-def _neighbour_faces(triangles: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(E, 2) triangles that share an edge."""
+def _neighbours_of(
+    face: NDArray[np.int64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each row of `face` and each triangle that shares an edge with it: (rows, triangles), each pair once."""
     sides = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).astype(np.int64)
     key = sides[:, 0] * (int(triangles.max()) + 1) + sides[:, 1]
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    return np.stack([order[same] // 3, order[same + 1] // 3], axis=1)
-
-
-def _pairs_of(
-    face: NDArray[np.int64], neighbours: Sequence[tuple[NDArray[np.int64], NDArray[np.int64]]]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each row of `face` and each neighbour of its triangle: (rows, neighbours)."""
-    source = np.concatenate([a for a, _ in neighbours])
-    target = np.concatenate([b for _, b in neighbours])
-    order = np.argsort(source, kind="stable")
-    source, target = source[order], target[order]
-    start, stop = np.searchsorted(source, face), np.searchsorted(source, face, side="right")
-    rows = np.repeat(np.arange(len(face)), stop - start)
-    nth = np.arange(len(rows)) - np.repeat(np.cumsum(stop - start) - (stop - start), stop - start)
+    source, target = order[same] // 3, order[same + 1] // 3
+    by_source = np.argsort(source, kind="stable")
+    source, target = source[by_source], target[by_source]
+    start = np.searchsorted(source, face)
+    count = np.searchsorted(source, face, side="right") - start
+    rows = np.repeat(np.arange(len(face)), count)
+    nth = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
     return rows, target[start[rows] + nth]
 
 
@@ -246,9 +276,7 @@ def _lattice(
         shared = ((there == 0) | (there == 1)).all(axis=1)
         joined.append(np.stack([8 * a + number, 8 * b + there @ [1, 2, 4]], axis=1)[shared])
     pairs = np.concatenate(joined)
-    corners = 8 * len(pieces.cell)
-    graph = coo_matrix((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(corners, corners))
-    count, particle = connected_components(graph, directed=False)
+    count, particle = _components(pairs, 8 * len(pieces.cell))
     cells = particle.reshape(-1, 8).astype(np.int32)
     position = np.empty((count, 3))
     position[cells] = voxels.origin + (pieces.cell[:, None, :] + CORNERS) * size
@@ -267,8 +295,6 @@ def _vertex_cells(
     pieces: _Pieces, voxels: Voxels, factor: int, vertices: NDArray[np.float64], face_of_vertex: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """(V,) the piece that a vertex's surface belongs to in the cell it stands in; a loose vertex takes the nearest."""
-    from scipy.spatial import cKDTree
-
     shape = np.array(voxels.shape) // factor
     cell = np.clip(np.floor((vertices - voxels.origin) / (voxels.size * factor)).astype(np.int64), 0, shape - 1)
     key = np.ravel_multi_index(tuple(cell.T), tuple(shape)) * pieces.faces + face_of_vertex
@@ -276,7 +302,7 @@ def _vertex_cells(
     known = (face_of_vertex >= 0) & (pieces.keys[place] == key)
     found = np.where(known, pieces.of_key[place], -1)
     if not known.all():
-        nearest = cKDTree(vertices[known]).query(vertices[~known])[1]
+        nearest = KDTree(vertices[known]).query(vertices[~known])[1]
         found[~known] = found[known][nearest]
     return found
 

@@ -18,7 +18,7 @@ _JITTER = np.array([1.7e-6, -2.3e-6, 3.1e-6])
 """Shift of the rays, in voxels: keeps them off vertices that stand on round coordinates."""
 
 _OPEN_SHARE = 0.01
-"""Three ray directions may disagree on this share of the inside before the surface is taken to be open."""
+"""The ways out may disagree on this share of the inside before the surface is taken to be open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +63,30 @@ def voxelise(
 ) -> Voxels:
     """The inside voxels of a surface: vertices (V, 3) metres, triangles (F, 3), counter-clockwise seen from outside.
 
-    A centre is inside where two of three rays say that the winding number is one or more. Where the rays disagree
-    on over a hundredth of the inside the surface is open: then inside is what a flood from outside does not reach.
+    A centre is inside where most of the six ways out of it along the axes say that the winding number is one or more.
+    Where they disagree on over a hundredth of the inside the surface is open, or its faces are turned at random: then
+    what a flood from outside does not reach is inside as well.
     """
     grid = (vertices - origin) / size - 0.5 + _JITTER
     crossings = [_crossings(grid, triangles, shape, axis) for axis in range(3)]
     windings = [_winding(c, shape) for c in crossings]
-    votes = sum((w >= 1).astype(np.int8) for w in windings)
-    inside = votes >= 2
-    disputed = np.count_nonzero((votes == 1) | (votes == 2))
+    votes = np.sum(
+        [
+            np.add(up >= 1, up - np.take(up, [-1], c.axis) >= 1, dtype=np.int8)
+            for c, up in zip(crossings, windings, strict=True)
+        ],
+        axis=0,
+    )
+    inside = votes >= 4
+    disputed = np.count_nonzero((votes > 0) & (votes < 6))
     closed = disputed <= _OPEN_SHARE * np.count_nonzero(inside)
     if not closed:
-        inside = _enclosed(crossings, shape)
+        inside |= _enclosed(crossings, shape)
     number = np.full(shape, -1, np.int32)
     number[inside] = np.arange(np.count_nonzero(inside), dtype=np.int32)
     links, contacts = [], []
     for crossing, winding in zip(crossings, windings, strict=True):
-        blocked = _leaves_between(crossing, winding, shape) if closed else _crossed(crossing, shape)
+        blocked = _leaves_between(crossing, np.where(inside, np.maximum(winding, 1), winding), shape)
         links.append(_links(number, blocked, crossing.axis))
         contacts.append(_contacts(number, crossing, shape))
     return Voxels(
@@ -197,10 +204,10 @@ def _contacts(number: NDArray[np.int32], crossing: _Crossings, shape: tuple[int,
 
 def _enclosed(crossings: list[_Crossings], shape: tuple[int, int, int]) -> NDArray[np.bool_]:
     """What a flood from outside does not reach, the surface being a wall between voxel centres."""
-    number = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
-    pairs = np.concatenate([_links(number, _crossed(c, shape), c.axis) for c in crossings])
+    nx, ny, nz = (n + 2 for n in shape)
+    number = np.arange(nx * ny * nz, dtype=np.int32).reshape(nx, ny, nz)
+    padded = [_Crossings(c.axis, c.low + 1, c.rising, c.triangle) for c in crossings]
+    pairs = np.concatenate([_links(number, _crossed(c, (nx, ny, nz)), c.axis) for c in padded])
     graph = coo_matrix((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(number.size, number.size))
-    label = connected_components(graph, directed=False)[1].reshape(shape)
-    rim = np.ones(shape, bool)
-    rim[1:-1, 1:-1, 1:-1] = False
-    return ~np.isin(label, np.unique(label[rim]))
+    label = connected_components(graph, directed=False)[1].reshape(nx, ny, nz)
+    return (label != label[0, 0, 0])[1:-1, 1:-1, 1:-1]
