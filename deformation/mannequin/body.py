@@ -20,9 +20,9 @@ _AHEAD = np.array([0.0, 0.0, 1.0])
 
 # Station, then radii: outward, inward, front, back. Legs and arms: 0 is the first joint, 1 the middle, 2 the last.
 _LEG = (
-    (-0.10, 0.050, 0.046, 0.046, 0.050),
-    (0.10, 0.054, 0.050, 0.053, 0.056),
-    (0.30, 0.053, 0.048, 0.056, 0.053),
+    (-0.10, 0.040, 0.040, 0.044, 0.046),
+    (0.10, 0.0505, 0.0480, 0.052, 0.053),
+    (0.30, 0.0525, 0.0475, 0.0555, 0.052),
     (0.55, 0.047, 0.041, 0.052, 0.046),
     (0.78, 0.039, 0.034, 0.043, 0.037),
     (0.92, 0.035, 0.033, 0.0375, 0.0345),
@@ -52,21 +52,22 @@ _ARM = (
 """Arms hang palm inward: outward is the back of the hand, front the thumb."""
 
 _TORSO = (
-    (0.470, 0.070, 0.046, 0.052),
-    (0.490, 0.092, 0.056, 0.066),
-    (0.520, 0.0985, 0.059, 0.069),
-    (0.550, 0.0955, 0.059, 0.064),
-    (0.585, 0.0865, 0.057, 0.054),
-    (0.620, 0.0795, 0.054, 0.047),
-    (0.650, 0.0800, 0.054, 0.047),
-    (0.690, 0.0865, 0.058, 0.054),
-    (0.730, 0.0930, 0.061, 0.062),
-    (0.765, 0.0935, 0.058, 0.066),
-    (0.795, 0.0850, 0.049, 0.063),
-    (0.820, 0.0700, 0.037, 0.055),
-    (0.840, 0.0500, 0.027, 0.044),
+    (0.452, 0.020, 0.030, 0.034),
+    (0.472, 0.048, 0.045, 0.050),
+    (0.495, 0.077, 0.0545, 0.062),
+    (0.520, 0.0920, 0.0580, 0.066),
+    (0.550, 0.0930, 0.0580, 0.062),
+    (0.585, 0.0870, 0.0555, 0.053),
+    (0.620, 0.0805, 0.0525, 0.047),
+    (0.650, 0.0800, 0.0525, 0.047),
+    (0.690, 0.0850, 0.0560, 0.053),
+    (0.730, 0.0905, 0.0585, 0.060),
+    (0.765, 0.0880, 0.0550, 0.063),
+    (0.795, 0.0770, 0.0445, 0.059),
+    (0.820, 0.0600, 0.0325, 0.051),
+    (0.840, 0.0440, 0.0250, 0.041),
 )
-"""Height where hips are at 0.52 and shoulders at 0.818, then half breadth, depth before and behind the joints' plane."""
+"""Height where hips are at 0.52 and shoulders at 0.818; half breadth; depth before and behind the joints' plane."""
 
 _FOOT = (
     (-0.030, 0.0165, 0.0165, 0.026),
@@ -165,8 +166,8 @@ def body_field(body: Landmarks, finger_blend: float = 0.0025) -> Field:
         legs = smooth_union(sides[0][0](points), sides[1][0](points), 0.006 * unit)
         arms = np.minimum(sides[0][1](points), sides[1][1](points))
         hands = np.minimum(sides[0][2](points), sides[1][2](points))
-        value = smooth_union(trunk, legs, 0.034 * unit)
-        value = smooth_union(value, arms, 0.040 * unit)
+        value = smooth_union(trunk, legs, 0.060 * unit)
+        value = smooth_union(value, arms, 0.045 * unit)
         return smooth_union(value, hands, 0.012 * unit)
 
     return field
@@ -192,7 +193,7 @@ def _leg(body: Landmarks, side: Side) -> Field:
     thigh, shank = (float(np.linalg.norm(b - a)) for a, b in ((side.hip, side.knee), (side.knee, side.ankle)))
     unit = body.stature
     table = np.array(_LEG)
-    limb = _limb(own, _stations(_LEG, thigh, shank), table[:, 1:], (0.03 * unit, 0.02 * unit))
+    limb = _limb(own, _stations(_LEG, thigh, shank), table[:, 1:], (0.05 * unit, 0.02 * unit))
     foot = _foot(body, side)
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -285,13 +286,8 @@ def _thumb(own: Frame) -> Field:
 
 def _chain(path: list[NDArray[np.float64]], radii: list[float], own: Frame) -> Field:
     """Round tapering links through points (3,) metres, with radii in shares of stature."""
-    links = []
-    for start, end, first, last in zip(path, path[1:], radii, radii[1:], strict=False):
-        length = float(np.linalg.norm(end - start))
-        sections = [[first * own.scale] * 4, [last * own.scale] * 4]
-        links.append(
-            loft(start, end - start, own.outward, [0, length], sections, (first * own.scale, last * own.scale))
-        )
+    sizes = np.array(radii) * own.scale
+    links = [_link(path[n : n + 2], sizes[n : n + 2], own.outward) for n in range(len(path) - 1)]
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         value = links[0](points)
@@ -305,25 +301,61 @@ def _chain(path: list[NDArray[np.float64]], radii: list[float], own: Frame) -> F
 def _torso(body: Landmarks) -> Field:
     unit = body.stature
     hull = _torso_hull(body)
-    masses = [(_paired(body, height, x, z, radii), blend * unit) for height, x, z, radii, blend in _MASSES]
-    slopes = [_trapezius(body, side) for side in body.sides]
+    masses = [(_paired(body, height, x, z, radii), blend * unit) for height, x, z, radii, blend in _TORSO_MASSES]
+    straps = [(_strap(body, *strap), blend * unit) for *strap, blend in _STRAPS]
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         value = hull(points)
-        for (left, right), blend in masses:
-            value = smooth_union(value, smooth_union(left(points), right(points), 0.01 * unit), blend)
-        return smooth_union(value, smooth_union(slopes[0](points), slopes[1](points), 0.02 * unit), 0.03 * unit)
+        for (left, right), blend in masses + straps:
+            value = smooth_union(value, smooth_union(left(points), right(points), 0.02 * unit), blend)
+        return value
 
     return field
 
 
-_MASSES = (
-    (0.497, 0.046, -0.036, (0.048, 0.046, 0.046), 0.030),
-    (0.748, 0.046, 0.034, (0.047, 0.034, 0.030), 0.026),
-    (0.760, 0.050, -0.048, (0.042, 0.048, 0.024), 0.030),
-    (0.700, 0.066, -0.022, (0.032, 0.075, 0.040), 0.030),
+_TORSO_MASSES = (
+    (0.497, 0.043, -0.032, (0.046, 0.045, 0.046), 0.050),
+    (0.755, 0.042, 0.026, (0.046, 0.034, 0.031), 0.050),
+    (0.765, 0.048, -0.040, (0.040, 0.050, 0.026), 0.060),
 )
-"""Buttocks, chest, shoulder blades, flanks: height, lateral, ahead, radii (side, up, ahead), blend."""
+"""Buttocks, chest, shoulder blades: height, lateral, ahead, radii (side, up, ahead), blend."""
+
+_STRAPS = (
+    ((0.868, 0.012, -0.018), (-0.014, -0.004, -0.004), (0.026, 0.024, 0.018), 0.045),
+    ((0.765, 0.050, 0.026), (0.036, 0.000, 0.006), (0.020, 0.021, 0.016), 0.050),
+    ((0.705, 0.060, -0.022), (0.036, -0.006, -0.010), (0.016, 0.019, 0.016), 0.055),
+    ((0.826, 0.014, 0.014), (0.000, 0.014, 0.010), (0.009, 0.009, 0.011), 0.040),
+)
+"""Trapezius, pectoral, latissimus, collar bone: start (height, lateral, ahead), end in the arm's axes (along, outward,
+front of the shoulder joint), radii from start to end, blend."""
+
+
+def _strap(
+    body: Landmarks, start: tuple[float, float, float], end: tuple[float, float, float], radii: Sequence[float]
+) -> tuple[Loft, Loft]:
+    """A muscle from the torso to the shoulder, left and right."""
+    height, lateral, front = start
+    left, right = (
+        _link(
+            [
+                torso_point(body, height, side.sign * lateral * breadth(body, height), front),
+                arm_frame(body, side).point(*end),
+            ],
+            np.array(radii) * body.stature,
+            _AHEAD,
+        )
+        for side in body.sides
+    )
+    return left, right
+
+
+def _link(ends: Sequence[NDArray[np.float64]], radii: NDArray[np.float64], front: NDArray[np.float64]) -> Loft:
+    """A round limb between two points (3,) metres; radii (S,) metres at even steps."""
+    axis = ends[1] - ends[0]
+    stations = np.linspace(0, np.linalg.norm(axis), len(radii))
+    return loft(
+        ends[0], axis, front, stations.tolist(), np.repeat(radii[:, None], 4, 1).tolist(), (radii[0], radii[-1])
+    )
 
 
 def _torso_hull(body: Landmarks) -> Loft:
@@ -339,82 +371,89 @@ def _torso_hull(body: Landmarks) -> Loft:
     return loft(low, axis, _AHEAD, stations, radii, (0.02 * unit, 0.02 * unit), 2.25)
 
 
-def _paired(
-    body: Landmarks, height: float, lateral: float, front: float, radii: Sequence[float]
-) -> tuple[Field, Field]:
+def _paired(body: Landmarks, height: float, lateral: float, front: float, radii: Sequence[float]) -> tuple[Loft, Loft]:
     wide = breadth(body, height)
     size = [radii[0] * body.stature * wide, radii[1] * body.stature, radii[2] * body.stature]
     left, right = (ellipsoid(torso_point(body, height, sign * lateral * wide, front), size) for sign in (1.0, -1.0))
     return left, right
 
 
-def _trapezius(body: Landmarks, side: Side) -> Field:
-    unit = body.stature
-    start = torso_point(body, 0.868, side.sign * 0.012, -0.016)
-    end = side.shoulder + unit * np.array([-side.sign * 0.018, 0.010, -0.004])
-    length = float(np.linalg.norm(end - start))
-    sections = [[0.026 * unit] * 4, [0.024 * unit] * 4, [0.020 * unit] * 4]
-    return loft(start, end - start, _AHEAD, [0, length / 2, length], sections, (0.02 * unit, 0.02 * unit))
+_JAW = (
+    (0.000, 0.0150, 0.0150, 0.012),
+    (0.014, 0.0240, 0.0200, 0.030),
+    (0.034, 0.0315, 0.0225, 0.044),
+    (0.060, 0.0370, 0.0265, 0.048),
+    (0.085, 0.0365, 0.0270, 0.048),
+)
+"""Up from the chin; half breadth; depth before and behind."""
+
+_NECK = ((0.00, 0.042, 0.036), (0.35, 0.0340, 0.0335), (0.70, 0.0318, 0.0330), (1.00, 0.0325, 0.0350))
+"""Share of the way from chest to skull; half breadth; half depth."""
+
+_FACE = (
+    (0.046, 0.000, 0.0360, (0.0290, 0.0080, 0.0140), 0.018),
+    (0.018, 0.022, 0.0310, (0.0120, 0.0110, 0.0120), 0.018),
+    (-0.0080, 0.000, 0.0395, (0.0140, 0.0090, 0.0105), 0.016),
+    (-0.0300, 0.000, 0.0340, (0.0110, 0.0085, 0.0110), 0.014),
+    (0.020, 0.0420, -0.0070, (0.0050, 0.0160, 0.0095), 0.006),
+)
+"""Brow, cheek bones, mouth, chin, ears: above the head joint, lateral, ahead, radii (side, up, ahead), blend."""
+
+_EYE_SOCKET = (0.0340, 0.0165, 0.0600, (0.0125, 0.0080, 0.0105), 0.018)
+
+_NOSE = (
+    (0.0000, 0.0085, 0.0175),
+    (0.0050, 0.0095, 0.0225),
+    (0.0120, 0.0085, 0.0215),
+    (0.0240, 0.0060, 0.0150),
+    (0.0380, 0.0055, 0.0100),
+)
+"""Up from its base, 0.4 % of stature above the head joint; half breadth; depth before a line inside the face."""
 
 
 def _head(body: Landmarks) -> Field:
     unit = body.stature
     at = Frame(body.head, _UP, np.array([1.0, 0.0, 0.0]), _AHEAD, unit)
-    root = torso_point(body, 0.815, 0.0, -0.014)
-    top = at.point(0.012, 0.0, -0.006)
-    length = float(np.linalg.norm(top - root))
-    neck = loft(
-        root,
-        top - root,
-        _AHEAD,
-        [0, 0.35 * length, 0.7 * length, length],
-        [
-            [r * unit, r * unit, f * unit, f * unit]
-            for r, f in ((0.042, 0.036), (0.035, 0.034), (0.0325, 0.034), (0.033, 0.036))
-        ],
-        (0.01 * unit, 0.01 * unit),
-    )
-    cranium = ellipsoid(at.point(0.050, 0.0, -0.004), [0.0435 * unit, 0.049 * unit, 0.055 * unit])
-    jaw = loft(
-        at.point(-0.030, 0.0, 0.028),
-        at.direction(1.0, 0.0, -0.12),
-        at.direction(0.0, 0.0, 1.0),
-        [0, 0.015 * unit, 0.035 * unit, 0.060 * unit, 0.085 * unit],
-        [
-            [x * unit, x * unit, f * unit, b * unit]
-            for x, f, b in (
-                (0.016, 0.0165, 0.014),
-                (0.0235, 0.0205, 0.030),
-                (0.0300, 0.0220, 0.042),
-                (0.0365, 0.0260, 0.045),
-                (0.0360, 0.0280, 0.045),
-            )
-        ],
-        (0.006 * unit, 0.02 * unit),
-        2.3,
-    )
-    nose = loft(
-        at.point(0.006, 0.0, 0.0515),
-        at.direction(1.0, 0.0, -0.30),
-        _AHEAD,
-        [0, 0.010 * unit, 0.034 * unit],
-        [
-            [0.0085 * unit, 0.0085 * unit, 0.0125 * unit, 0.010 * unit],
-            [0.0070 * unit, 0.0070 * unit, 0.011 * unit, 0.010 * unit],
-            [0.0045 * unit, 0.0045 * unit, 0.005 * unit, 0.010 * unit],
-        ],
-        (0.005 * unit, 0.008 * unit),
-    )
-    brow = ellipsoid(at.point(0.047, 0.0, 0.036), [0.032 * unit, 0.008 * unit, 0.0155 * unit])
-    sockets = [
-        ellipsoid(at.point(0.034, s * 0.0165, 0.0585), [0.0125 * unit, 0.008 * unit, 0.011 * unit]) for s in (1, -1)
+    cranium = ellipsoid(at.point(0.050, 0.0, -0.004), [0.0430 * unit, 0.049 * unit, 0.0550 * unit])
+    jaw, neck = _jaw(at), _neck(body, at)
+    features = [
+        ([ellipsoid(at.point(y, s * x, z), [r * unit for r in radii]) for s in ((1, -1) if x else (1,))], blend * unit)
+        for y, x, z, radii, blend in (*_FACE, _EYE_SOCKET)
     ]
+    sockets, socket_blend = features.pop()
+    nose = _nose(at)
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        value = smooth_union(cranium(points), jaw(points), 0.016 * unit)
-        value = smooth_union(value, brow(points), 0.012 * unit)
-        value = smooth_cut(value, np.minimum(sockets[0](points), sockets[1](points)), 0.012 * unit)
-        value = smooth_union(value, nose(points), 0.008 * unit)
-        return smooth_union(value, neck(points), 0.014 * unit)
+        value = smooth_union(cranium(points), jaw(points), 0.020 * unit)
+        for shapes, blend in features:
+            value = smooth_union(value, _closest(shapes, points), blend)
+        value = smooth_cut(value, _closest(sockets, points), socket_blend)
+        value = smooth_union(value, nose(points), 0.010 * unit)
+        return smooth_union(value, neck(points), 0.022 * unit)
 
     return field
+
+
+def _closest(shapes: Sequence[Field], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.min([shape(points) for shape in shapes], axis=0)
+
+
+def _jaw(at: Frame) -> Loft:
+    sections = [[x * at.scale, x * at.scale, front * at.scale, back * at.scale] for _, x, front, back in _JAW]
+    stations = [row[0] * at.scale for row in _JAW]
+    caps = (0.006 * at.scale, 0.02 * at.scale)
+    return loft(at.point(-0.030, 0.0, 0.027), at.direction(1.0, 0.0, -0.10), _AHEAD, stations, sections, caps, 2.15)
+
+
+def _nose(at: Frame) -> Loft:
+    sections = [[x * at.scale, x * at.scale, front * at.scale, 0.012 * at.scale] for _, x, front in _NOSE]
+    stations = [row[0] * at.scale for row in _NOSE]
+    return loft(at.point(0.004, 0.0, 0.041), _UP, _AHEAD, stations, sections, (0.004 * at.scale, 0.01 * at.scale))
+
+
+def _neck(body: Landmarks, at: Frame) -> Loft:
+    root, top = torso_point(body, 0.815, 0.0, -0.014), at.point(0.012, 0.0, -0.006)
+    length = float(np.linalg.norm(top - root))
+    sections = [[x * at.scale, x * at.scale, z * at.scale, z * at.scale] for _, x, z in _NECK]
+    stations = [share * length for share, _, _ in _NECK]
+    return loft(root, top - root, _AHEAD, stations, sections, (0.01 * at.scale, 0.01 * at.scale))

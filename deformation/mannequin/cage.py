@@ -1,8 +1,8 @@
 """The mannequin's quads: a figure of hexahedral blocks whose outer faces are divided evenly.
 
-Blocks share corners where they are joined and have corners of their own where they only touch (between the legs, between
-fingers), so the outside of the figure is one closed surface without handles. Each direction of each block names how often
-it is divided, so that neighbours always match.
+Blocks share corners where they are joined and have corners of their own where they only touch (between the legs,
+between fingers), so the outside of the figure is one closed surface without handles. Each direction of each block names
+how often it is divided, so that neighbours always match.
 """
 
 from collections.abc import Callable, Hashable, Iterator

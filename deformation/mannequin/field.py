@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From points (N, 3) metres to values (N,) metres."""
 
-_FAR = 0.12
+_FAR = 0.25
 """Metres from a loft's bounding ball at which its value no longer matters to any blend."""
 
 _SAMPLES = 128
