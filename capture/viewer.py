@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from capture.raster import lit_colours, word_card
 from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface
 from capture.viewing import Action, Controls, FrameSource, Layers, Playback
+from capture.window_process import show_apart
 from devices.errors import SixpointError
 
 _BACKGROUND = (0.885, 0.90, 0.92)
@@ -34,6 +35,7 @@ _CARD_M = 0.04
 """How far before the eye the cards with words stand."""
 _WORDS_HZ = 8.0
 
+_NO_DISPLAY = "no display to open a window on: set DISPLAY, or use --out to get pictures instead"
 _DEBIAN_PACKAGES = {
     "libusb-1.0": "libusb-1.0-0",
     "libGL.so": "libgl1",
@@ -64,13 +66,41 @@ def show(
 ) -> None:
     """Opens a window over a source and returns when it is closed.
 
+    A live source is drawn by a process of its own (`capture.window_process`), so that the solver keeps its pace.
     layers: what is shown at first; actions: keys of the session's own (upper case letters), shown in the help;
     until: closes by itself once this is true; pictures: or after so many, for tests. Raises SixpointError where no
     window can be opened.
     """
-    controls = Controls(
-        Playback(source.duration_s, source.frame_s), layers=layers or Layers(), actions=dict(actions or {})
+    draw = show_here
+    if source.duration_s is None:
+        if not has_display():
+            raise SixpointError(_NO_DISPLAY)
+        draw = show_apart
+    draw(
+        source,
+        title=title,
+        width=width,
+        height=height,
+        layers=layers,
+        actions=actions or {},
+        until=until,
+        pictures=pictures,
     )
+
+
+def show_here(
+    source: FrameSource,
+    *,
+    title: str,
+    width: int,
+    height: int,
+    layers: Layers | None,
+    actions: Mapping[str, Action],
+    until: Callable[[], bool] | None,
+    pictures: int | None,
+) -> None:
+    """`show` in this very process."""
+    controls = Controls(Playback(source.duration_s, source.frame_s), layers=layers or Layers(), actions=dict(actions))
     with _Window(title, width, height, controls) as window:
         before, drawn = time.perf_counter(), 0
         while window.is_open and drawn != pictures and not (until and until()):
@@ -118,7 +148,7 @@ class _Window:
 
     def __init__(self, title: str, width: int, height: int, controls: Controls) -> None:
         if not has_display():
-            raise SixpointError("no display to open a window on: set DISPLAY, or use --out to get pictures instead")
+            raise SixpointError(_NO_DISPLAY)
         self._o3d = _open3d()
         self._size = (width, height)
         self._controls = controls
