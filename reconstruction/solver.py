@@ -15,15 +15,20 @@ from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.likelihood import Effectors
-from reconstruction.local_model import LocalModelSettings, gather, local_prior, see_from
+from reconstruction.local_model import LocalModelSettings, gather, local_prior
 from reconstruction.map_problem import GaussianPrior, MapProblem
 from reconstruction.map_solver import MapSolution, MapSolver
 from reconstruction.motion import Motion, Pose
 from reconstruction.motion_operations import leg_length
 from reconstruction.pose_space import ROOT_DOF
+from reconstruction.relocalisation import OFFSETS, Relocaliser, TrackerHistory
 from reconstruction.skeleton import Skeleton
-from reconstruction.start import match_trackers
-from reconstruction.window_features import WindowFeatures, seen_from
+from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
+from reconstruction.tracking import Footing, NoiseMeter, PoseEasing, TrackerReturn, footings
+from reconstruction.window_features import SPAN, seen_from
+
+_WORLD = np.zeros(3)
+"""The heading frame that stands at the world's origin."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +38,22 @@ class SolverSettings:
     neighbours: K, 8 to 256.
     candidates: windows retrieved before near duplicates are thinned out, at least `neighbours`.
     apart: frames, how far two neighbours of one clip must be from each other, at least 1.
-    tracker_sigma_m: metres, standard deviation of a measured position, above 0.
+    sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
+    tracker_sigma_m: metres, least standard deviation of a measured position, above 0.
+    noise_gain: the measured noise of the trackers counts this many times as their standard deviation, 0 or more.
+    hold_after_s: seconds without any tracker after which the pose is held.
+    relocalise: whether to look for the way back (`relocalisation`).
     local: how the neighbours become a Gaussian.
     """
 
     neighbours: int = 64
     candidates: int = 256
     apart: int = 2
+    sharpness: float = 4.0
     tracker_sigma_m: float = 0.002
+    noise_gain: float = 2.0
+    hold_after_s: float = 0.5
+    relocalise: bool = True
     local: LocalModelSettings = field(default_factory=LocalModelSettings)
 
 
@@ -50,7 +63,7 @@ class Solution:
 
     sigma: (J,) radians, standard deviation of each joint's rotation by the posterior; 0 for joints that never turn.
     coverage: distance to the neighbours over the database's own spacing: about 1 inside the data, more outside.
-    states: (6,) int8 of `TrackerState`, as the frame had them.
+    states: (6,) int8 of `Footing`: what each role's place stands on.
     stage_ns: nanoseconds by stage.
     """
 
@@ -63,11 +76,13 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A whole take, solved. motion: one pose a frame; sigma (T, J); coverage (T,); milliseconds (T,) a frame."""
+    """A whole take, solved. motion: one pose a frame; sigma: (T, J) radians; coverage: (T,); states: (T, 6) of
+    `Footing`; milliseconds: (T,) a frame."""
 
     motion: Motion
     sigma: NDArray[np.float64]
     coverage: NDArray[np.float64]
+    states: NDArray[np.int8]
     milliseconds: NDArray[np.float64]
 
 
@@ -80,8 +95,26 @@ class _Past:
     joints: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class _Prediction:
+    """A prior with the database rows (K,) it comes from, and how well they cover this moment."""
+
+    prior: GaussianPrior
+    rows: NDArray[np.int64]
+    coverage: float
+
+
 class Reconstructor:
-    """Solves frames that come one database period apart, on a body with the database's joints."""
+    """Solves frames that come one database period apart, on a body with the database's joints.
+
+    Everything is compiled and paged in when it stands: its first frame is as fast as any, but for the search of the
+    whole database for a start.
+    """
+
+    START_ROWS = 60_000
+    """Rows looked at for a start: every so many-th of a large database."""
+    FAR_M = 0.5
+    """Trackers that are this far off after all were missing start anew."""
 
     def __init__(
         self, database: MotionDatabase, skeleton: Skeleton | None = None, settings: SolverSettings | None = None
@@ -99,11 +132,16 @@ class Reconstructor:
         self._solver = MapSolver(self._body, self.space.dof)
         self._role_joints = np.array([skeleton.role_joint(role) for role in ROLES], np.int64)
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
-        self._tracks, self._windows = np.asarray(database.tracks), np.asarray(database.windows)
+        self._windows = np.asarray(database.windows)
         self._clip_of_window = np.searchsorted(database.firsts, self._windows, side="right")
         self._lower, self._upper = np.asarray(database.bounds, np.float64).T.copy()
         self._lower[:ROOT_DOF], self._upper[:ROOT_DOF] = -np.inf, np.inf
-        self._past: deque[_Past] = deque(maxlen=WindowFeatures.SPAN)
+        self._matcher = TrackerMatcher(database)
+        self._relocaliser = Relocaliser(self._matcher)
+        self._return = TrackerReturn()
+        self._easing = PoseEasing()
+        self.reset()
+        self._warm_up()
 
     @property
     def skeleton(self) -> Skeleton:
@@ -112,31 +150,88 @@ class Reconstructor:
 
     def reset(self) -> None:
         """Forgets the past: the next frame starts anew."""
-        self._past.clear()
+        self._past: deque[_Past] = deque(maxlen=SPAN)
+        self._trackers = TrackerHistory()
+        self._noise = NoiseMeter()
+        self._return.reset()
+        self._easing.reset()
+        self._relocaliser.reset()
+        self._last_measured_s = -np.inf
+        self._last: Solution | None = None
+
+    def start(self, frames: Sequence[TrackerFrame]) -> None:
+        """Finds where in the database a take begins, by the trackers of its first frame and, where there are more, of
+        the half second after it. A session, which has only the first, may leave it to `solve`."""
+        offsets = -OFFSETS[len(frames) > -OFFSETS]
+        points = np.array([frames[offset].positions for offset in offsets]) / self.scale
+        stride = max(1, len(self._matcher) // self.START_ROWS)
+        rows = np.arange(0, len(self._matcher), stride)
+        matches = self._matcher.best(Sighting(offsets, points), rows, 1)
+        if not len(matches.rows):
+            matches = self._matcher.best(Sighting(offsets[:1], points[:1]), rows, 1)
+        self._adopt(matches)
 
     def solve(self, frame: TrackerFrame) -> Solution:
         """The most probable pose for the trackers of one frame."""
         began = perf_counter_ns()
-        prior, heading, coverage = self._started(frame) if not self._past else self._predicted(frame)
-        prepared = perf_counter_ns()
-        effectors = self._effectors(frame, heading)
-        problem = MapProblem(self._body, prior, effectors, self._lower, self._upper)
-        found = self._solver.solve(problem, prior.mean)
+        if frame.measured.any():
+            self._last_measured_s = frame.time_s
+        elif self._last is None or frame.time_s - self._last_measured_s > self.settings.hold_after_s:
+            return self._held(frame)
+        if not self._past:
+            self.start([frame])
+        positions = self._eased(frame)
+        heading = self._past[-1].heading
+        prediction = self._predicted(positions)
+        predicted = perf_counter_ns()
+        effectors = self._effectors(positions, heading)
+        problem = MapProblem(self._body, prediction.prior, effectors, self._lower, self._upper)
+        found = self._solver.solve(problem, prediction.prior.mean)
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
         self._remember(pose)
-        stages = {"prior": prepared - began, "map": solved - prepared, "output": perf_counter_ns() - solved}
-        return Solution(pose, frozen(self._sigma(found)), coverage, frame.states, stages)
+        self._relocalise(frame, prediction)
+        shown = self._easing.eased(pose)
+        stages = {"prior": predicted - began, "map": solved - predicted, "rest": perf_counter_ns() - solved}
+        self._last = Solution(
+            shown, frozen(self._sigma(found)), prediction.coverage, frozen(footings(frame, False)), stages
+        )
+        return self._last
 
-    def _predicted(self, frame: TrackerFrame) -> tuple[GaussianPrior, NDArray[np.float64], float]:
+    def _held(self, frame: TrackerFrame) -> Solution:
+        """The last pose again; before any tracker was seen, the database's mean pose at the world's origin."""
+        if self._last is None:
+            q = np.asarray(self._poses[:: max(1, len(self._poses) // 1000)]).mean(axis=0, dtype=np.float64)
+            pose, sigma = self.space.pose(q, _WORLD, frame.time_s), np.full(len(self.skeleton), np.pi)
+            return Solution(pose, frozen(sigma), np.inf, footings(frame, True), {})
+        last = self._last
+        pose = Pose(frame.time_s, last.pose.root_position, last.pose.rotations)
+        return Solution(pose, last.sigma, last.coverage, frozen(footings(frame, True)), {})
+
+    def _eased(self, frame: TrackerFrame) -> NDArray[np.float64]:
+        """The positions (6, 3) metres, world, to solve for; takes note of the frame. Starts anew where it must."""
+        self._noise.add(frame)
+        self._trackers.add(frame.positions)
+        last = self._past[-1]
+        expected = seen_from(last.joints[None, self._role_joints], last.heading[None], _WORLD[None])[0]
+        if self._last is None:
+            return self._return.eased(frame, None)
+        if (self._last.states != Footing.MEASURED).all() and frame.measured.any():
+            off = np.linalg.norm((expected - frame.positions)[frame.measured], axis=1).mean()
+            if off > self.FAR_M:
+                self.start([frame])
+                self._easing.begin()
+                return self._return.eased(frame, None)
+        return self._return.eased(frame, expected)
+
+    def _predicted(self, positions: NDArray[np.float64]) -> _Prediction:
         """The prior from windows like the last poses and these trackers, seen from the last pose's heading frame."""
         s = self.settings
         last, earliest = self._past[-1], self._past[0]
         earlier = seen_from(earliest.joints[None], earliest.heading[None], last.heading[None])
-        history = WindowFeatures.history(last.joints[None] / self.scale, earlier / self.scale)
-        trackers = self._trackers(frame, last)
-        feature = self.database.features.features(history, trackers[None] / self.scale)[0]
-        numbers, distances = self.database.index.nearest(feature, s.candidates)
+        trackers = self._filled(positions, last)[None]
+        seen = (last.q[None, 3:], last.joints[None] / self.scale, earlier / self.scale, trackers / self.scale)
+        numbers, distances = self.database.index.nearest(self.database.features.features(*seen)[0], s.candidates)
         keep = _thinned(self._windows[numbers], self._clip_of_window[numbers], s.apart, s.neighbours)
         rows, distances = self._windows[numbers[keep]].astype(np.int64), distances[keep]
         following = gather(rows, 0, self._poses, self._headings)
@@ -144,54 +239,79 @@ class Reconstructor:
         following[:, :3] *= self.scale
         before[:, :3] *= self.scale
         coverage = float(distances[: max(1, len(distances) // 8)].mean() / self.database.spacing)
-        prior = local_prior(following, following - before, _weights(distances), last.q, max(1.0, coverage / 2), s.local)
-        return prior, last.heading, coverage
+        weights = _weights(distances, s.sharpness)
+        prior = local_prior(following, following - before, weights, last.q, max(1.0, coverage / 2), s.local)
+        return _Prediction(prior, rows, coverage)
 
-    def _started(self, frame: TrackerFrame) -> tuple[GaussianPrior, NDArray[np.float64], float]:
-        """The prior from the poses whose tracked joints fit these trackers, seen from the best one's heading frame."""
-        s = self.settings
-        match = match_trackers(self._tracks, frame.positions / self.scale, s.neighbours)
-        heading = match.headings[0].copy()
-        heading[:2] *= self.scale
-        following = self._poses[match.rows].astype(np.float64)
-        following[:, :3] *= self.scale
-        for q, own in zip(following, match.headings * np.array([self.scale, self.scale, 1]), strict=True):
-            see_from(q, own, heading)
-        coverage = float(match.errors[0] / self.database.spacing)
-        weights = _weights(match.errors)
-        return local_prior(following, following, weights, None, max(1.0, coverage / 2), s.local), heading, coverage
-
-    def _trackers(self, frame: TrackerFrame, last: _Past) -> NDArray[np.float64]:
+    def _filled(self, positions: NDArray[np.float64], last: _Past) -> NDArray[np.float64]:
         """Tracker positions (6, 3) seen from the last heading frame, missing ones where their joints would go on to."""
-        seen = seen_from(frame.positions[None], np.zeros((1, 3)), last.heading[None])[0]
+        seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
         before = self._past[-2] if len(self._past) > 1 else last
         earlier = seen_from(before.joints[None], before.heading[None], last.heading[None])[0]
         going_on = (2 * last.joints - earlier)[self._role_joints]
         return np.where(np.isfinite(seen), seen, going_on)
 
-    def _effectors(self, frame: TrackerFrame, heading: NDArray[np.float64]) -> Effectors:
+    def _effectors(self, positions: NDArray[np.float64], heading: NDArray[np.float64]) -> Effectors:
         """The measured positions as points on the body, seen from a heading frame."""
-        roles = np.flatnonzero(frame.measured)
-        targets = seen_from(frame.positions[None, roles], np.zeros((1, 3)), heading[None])[0]
-        weights = np.full(len(roles), 1 / self.settings.tracker_sigma_m)
-        return Effectors(self._role_joints[roles], np.zeros((len(roles), 3)), targets, weights)
+        s = self.settings
+        roles = np.flatnonzero(np.isfinite(positions[:, 0]))
+        targets = seen_from(positions[None, roles], _WORLD[None], heading[None])[0]
+        sigma = max(s.tracker_sigma_m, s.noise_gain * self._noise.sigma_m)
+        return Effectors(self._role_joints[roles], np.zeros((len(roles), 3)), targets, np.full(len(roles), 1 / sigma))
 
     def _remember(self, pose: Pose) -> None:
         heading = self.space.heading(pose.root_position, pose.rotations[0])
         q = self.space.coordinates(pose.root_position[None], pose.rotations[None], heading)[0]
+        self._past.append(self._placed(q, heading))
+
+    def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> _Past:
         place(self._body, q, self._state)
-        past = _Past(q, heading, self._state.position.copy())
-        while len(self._past) < WindowFeatures.SPAN - 1:
-            self._past.append(past)
-        self._past.append(past)
+        return _Past(q, heading, self._state.position.copy())
+
+    def _adopt(self, matches: Matches) -> None:
+        """Takes the poses before the best matching row as the past."""
+        row, heading = int(matches.rows[0]), matches.heading
+        first = self.database.clip_of(row).first
+        self._past.clear()
+        for back in range(SPAN, 0, -1):
+            before = max(row - back, first)
+            q = self._poses[before].astype(np.float64)
+            q[:3] *= self.scale
+            own, at = self._headings[before].astype(np.float64), self._headings[row].astype(np.float64)
+            ground = np.array([[[own[0], 0.0, own[1]]]])
+            x, _, z = seen_from(seen_from(ground, _WORLD[None], at[None]), heading[None], _WORLD[None])[0, 0]
+            yaw = heading[2] + own[2] - at[2]
+            self._past.append(self._placed(q, np.array([self.scale * x, self.scale * z, yaw])))
+        self._relocaliser.reset()
+
+    def _relocalise(self, frame: TrackerFrame, prediction: _Prediction) -> None:
+        """Goes on looking for a better explanation of the trackers' way, and takes it where there is one."""
+        if not self.settings.relocalise or frame.measured.sum() < 2:
+            return
+        here = self._past[-1].heading / np.array([self.scale, self.scale, 1.0])
+        found = self._relocaliser.look(
+            self._trackers, self.scale, lambda sighting: self._matcher.error(sighting, prediction.rows, here)
+        )
+        if found is not None:
+            self._adopt(found)
+            self._easing.begin()
 
     def _sigma(self, found: MapSolution) -> NDArray[np.float64]:
-        """(J,) radians: the root mean square over a joint's three directions of its posterior deviation."""
+        """(J,) radians: the root of a joint's summed posterior variance over its three directions."""
         variance = np.einsum("ij,ij->i", found.covariance_root, found.covariance_root)[3:].reshape(-1, 3).sum(axis=1)
         sigma = np.zeros(len(self.space.skeleton))
         sigma[0] = np.sqrt(variance[0])
         sigma[self.space.moving] = np.sqrt(variance[1:])
         return sigma
+
+    def _warm_up(self) -> None:
+        """Solves a few frames of the database, so that everything is compiled and loaded, and forgets them."""
+        tracks = np.asarray(self.database.tracks[: 1 - OFFSETS.min() + 1], np.float64)
+        states = np.ones(len(ROLES), np.int8)
+        unknown = np.full((len(ROLES), 4), np.nan)
+        for number, positions in enumerate(tracks):
+            self.solve(TrackerFrame(number / self.database.fps, positions * self.scale, unknown, states))
+        self.reset()
 
 
 def reconstruct(
@@ -205,6 +325,7 @@ def reconstruct(
     if not frames:
         raise SettingError("a take without frames cannot be solved")
     solver = Reconstructor(database, skeleton, settings)
+    solver.start(frames[: 1 - int(OFFSETS.min())])
     solutions = []
     for number, frame in enumerate(frames):
         solutions.append(solver.solve(frame))
@@ -220,14 +341,15 @@ def reconstruct(
         motion,
         frozen(np.array([s.sigma for s in solutions])),
         frozen(np.array([s.coverage for s in solutions])),
+        frozen(np.array([s.states for s in solutions])),
         frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
     )
 
 
-def _weights(distances: NDArray[np.floating]) -> NDArray[np.float64]:
+def _weights(distances: NDArray[np.floating], sharpness: float) -> NDArray[np.float64]:
     """(K,) Gaussian weights (eq. 7) that sum to one, as wide as the distances are typically beyond the nearest."""
     width = max(float(np.median(distances)), 1e-6)
-    weights = np.exp(-0.5 * (distances.astype(np.float64) / width) ** 2)
+    weights = np.exp(-0.5 * sharpness * ((distances.astype(np.float64) / width) ** 2))
     return weights / weights.sum()
 
 

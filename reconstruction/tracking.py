@@ -1,0 +1,146 @@
+"""What each tracker is worth at this moment: the ladder of a dropout, a smooth return, and how noisy it is."""
+
+from collections import deque
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.frame import TrackerFrame, TrackerState
+from devices.sample import ROLES
+from reconstruction.motion import Pose
+from reconstruction.rotations import exponential, inverse, logarithm, multiply
+
+
+class Footing(IntEnum):
+    """What a role's place in a solved pose stands on."""
+
+    MEASURED = 0
+    """A sample of this moment."""
+    EXTRAPOLATED = 1
+    """The last samples carried on."""
+    PRIOR = 2
+    """No sample: the other trackers and the database say where it is."""
+    HELD = 3
+    """No tracker at all for a while: the last pose is held."""
+
+
+class TrackerReturn:
+    """Lets a tracker that was missing come back smoothly.
+
+    On its return the solved joint stands somewhere else. That difference is added to what the tracker says and let
+    go to zero over `DURATION_S` with a quintic that starts and ends at rest.
+    """
+
+    DURATION_S = 0.3
+    MISSING_S = 0.03
+    """A shorter gap is no dropout."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything: trackers are taken as they come."""
+        self._last_seen = np.full(len(ROLES), np.nan)
+        self._back_since = np.full(len(ROLES), -np.inf)
+        self._offset = np.zeros((len(ROLES), 3))
+
+    def eased(self, frame: TrackerFrame, expected: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        """The positions (6, 3) to solve for; expected: (6, 3) metres, where the pose would put them, or None."""
+        here = frame.measured
+        gap = frame.time_s - self._last_seen
+        back = here & ~(gap <= self.MISSING_S) & (expected is not None)
+        if expected is not None:
+            self._back_since[back] = frame.time_s
+            self._offset[back] = (expected - frame.positions)[back]
+        self._last_seen[here] = frame.time_s
+        left = _remaining((frame.time_s - self._back_since) / self.DURATION_S)
+        return frame.positions + left[:, None] * self._offset
+
+
+class PoseEasing:
+    """Shows a solver's change of mind as a quick movement: the difference to the last shown pose fades out."""
+
+    DURATION_S = 0.3
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Poses are shown as they are."""
+        self._shown: Pose | None = None
+        self._begun_s: float | None = None
+        self._changed = False
+
+    def begin(self) -> None:
+        """The next pose does not follow from the last."""
+        self._changed = True
+
+    def eased(self, pose: Pose) -> Pose:
+        """The pose to show for a solved one."""
+        if self._changed and self._shown is not None:
+            self._begun_s = self._shown.time_s
+            self._shift = self._shown.root_position - pose.root_position
+            self._turn = logarithm(multiply(inverse(pose.rotations), self._shown.rotations))
+        self._changed = False
+        self._shown = self._between(pose)
+        return self._shown
+
+    def _between(self, pose: Pose) -> Pose:
+        if self._begun_s is None:
+            return pose
+        left = float(_remaining((pose.time_s - self._begun_s) / self.DURATION_S))
+        if left == 0:
+            self._begun_s = None
+            return pose
+        rotations = multiply(pose.rotations, exponential(left * self._turn))
+        return Pose(pose.time_s, pose.root_position + left * self._shift, rotations)
+
+
+class NoiseMeter:
+    """Estimates the trackers' noise while they run, from third differences of their positions.
+
+    White noise of standard deviation s has third differences of deviation sqrt(20) s on each axis, much above those of
+    a body that stands or moves smoothly. The lower quartile over the last second is taken, since some tracker is
+    nearly always at rest.
+    """
+
+    FRAMES = 60
+    _QUARTILE = 1.1 * np.sqrt(20)
+    """The lower quartile of a chi distribution with three degrees of freedom, times sqrt(20)."""
+
+    def __init__(self) -> None:
+        self._positions: deque[NDArray[np.float64]] = deque(maxlen=4)
+        self._jerks: deque[NDArray[np.float64]] = deque(maxlen=self.FRAMES)
+
+    def add(self, frame: TrackerFrame) -> None:
+        """Takes in one frame."""
+        measured = np.where((frame.states == TrackerState.MEASURED)[:, None], frame.positions, np.nan)
+        self._positions.append(measured)
+        if len(self._positions) == 4:
+            a, b, c, d = self._positions
+            self._jerks.append(np.linalg.norm(d - 3 * c + 3 * b - a, axis=1))
+
+    @property
+    def sigma_m(self) -> float:
+        """Metres, standard deviation of a position on one axis; 0 before a quarter of a second has been seen."""
+        if len(self._jerks) < self.FRAMES // 4:
+            return 0.0
+        jerks = np.concatenate(self._jerks)
+        jerks = jerks[np.isfinite(jerks)]
+        if not len(jerks):
+            return 0.0
+        return float(np.partition(jerks, len(jerks) // 4)[len(jerks) // 4] / self._QUARTILE)
+
+
+def _remaining(u: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """1 at u = 0, 0 from u = 1 on, by the quintic that is at rest at both ends."""
+    u = np.clip(u, 0, 1)
+    return 1 - u**3 * (10 - 15 * u + 6 * u**2)
+
+
+def footings(frame: TrackerFrame, held: bool) -> NDArray[np.int8]:
+    """(6,) `Footing` of each role in a frame."""
+    out = np.where(frame.states == TrackerState.EXTRAPOLATED, Footing.EXTRAPOLATED, Footing.MEASURED)
+    out = np.where(frame.measured, out, Footing.HELD if held else Footing.PRIOR)
+    return out.astype(np.int8)
