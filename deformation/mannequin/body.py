@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.mannequin.field import Field, Loft, ellipsoid, loft, smooth_cut, smooth_union
+from deformation.mannequin.field import Field, Loft, ellipsoid, loft, near, smooth_cut, smooth_union
 from deformation.mannequin.landmarks import Landmarks, Side
 
 _UP = np.array([0.0, 1.0, 0.0])
@@ -20,14 +20,15 @@ _AHEAD = np.array([0.0, 0.0, 1.0])
 
 # Station, then radii: outward, inward, front, back. Legs and arms: 0 is the first joint, 1 the middle, 2 the last.
 _LEG = (
-    (-0.10, 0.040, 0.040, 0.044, 0.046),
+    (-0.30, 0.026, 0.030, 0.034, 0.034),
+    (-0.08, 0.0420, 0.0420, 0.046, 0.047),
     (0.10, 0.0505, 0.0480, 0.052, 0.053),
     (0.30, 0.0525, 0.0475, 0.0555, 0.052),
     (0.55, 0.047, 0.041, 0.052, 0.046),
     (0.78, 0.039, 0.034, 0.043, 0.037),
     (0.92, 0.035, 0.033, 0.0375, 0.0345),
     (1.00, 0.0335, 0.034, 0.0375, 0.0325),
-    (1.10, 0.0315, 0.0315, 0.032, 0.035),
+    (1.10, 0.0315, 0.0315, 0.0335, 0.035),
     (1.28, 0.034, 0.0335, 0.029, 0.0425),
     (1.45, 0.0315, 0.032, 0.027, 0.0405),
     (1.65, 0.0245, 0.025, 0.024, 0.030),
@@ -52,20 +53,20 @@ _ARM = (
 """Arms hang palm inward: outward is the back of the hand, front the thumb."""
 
 _TORSO = (
-    (0.452, 0.020, 0.030, 0.034),
-    (0.472, 0.048, 0.045, 0.050),
+    (0.452, 0.020, 0.022, 0.034),
+    (0.472, 0.048, 0.041, 0.050),
     (0.495, 0.077, 0.0545, 0.062),
     (0.520, 0.0920, 0.0580, 0.066),
     (0.550, 0.0930, 0.0580, 0.062),
     (0.585, 0.0870, 0.0555, 0.053),
-    (0.620, 0.0805, 0.0525, 0.047),
-    (0.650, 0.0800, 0.0525, 0.047),
-    (0.690, 0.0850, 0.0560, 0.053),
-    (0.730, 0.0905, 0.0585, 0.060),
-    (0.765, 0.0880, 0.0550, 0.063),
-    (0.795, 0.0770, 0.0445, 0.059),
-    (0.820, 0.0600, 0.0325, 0.051),
-    (0.840, 0.0440, 0.0250, 0.041),
+    (0.620, 0.0780, 0.0520, 0.046),
+    (0.650, 0.0785, 0.0525, 0.045),
+    (0.690, 0.0840, 0.0560, 0.050),
+    (0.730, 0.0900, 0.0585, 0.056),
+    (0.765, 0.0880, 0.0550, 0.058),
+    (0.795, 0.0770, 0.0450, 0.053),
+    (0.820, 0.0600, 0.0330, 0.046),
+    (0.840, 0.0420, 0.0260, 0.037),
 )
 """Height where hips are at 0.52 and shoulders at 0.818; half breadth; depth before and behind the joints' plane."""
 
@@ -199,7 +200,7 @@ def _leg(body: Landmarks, side: Side) -> Field:
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return smooth_union(limb(points), foot(points), 0.016 * unit)
 
-    return field
+    return near(field, (side.hip + side.ankle) / 2, float(np.linalg.norm(side.hip - side.ankle)) / 2 + 0.15 * unit)
 
 
 def _foot(body: Landmarks, side: Side) -> Field:
@@ -229,7 +230,7 @@ def _arm(body: Landmarks, side: Side) -> Field:
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return smooth_union(limb(points), deltoid(points), 0.02 * unit)
 
-    return field
+    return near(field, (side.shoulder + side.wrist) / 2, (upper + lower) / 2 + 0.06 * unit)
 
 
 def _hand(body: Landmarks, side: Side, finger_blend: float) -> Field:
@@ -246,7 +247,7 @@ def _hand(body: Landmarks, side: Side, finger_blend: float) -> Field:
         value = smooth_union(value, palm(points), 0.008 * unit)
         return smooth_union(value, thumb(points), 0.009 * unit)
 
-    return field
+    return near(field, own.point(0.05), 0.08 * unit)
 
 
 def _palm(own: Frame) -> Field:
@@ -316,12 +317,12 @@ def _torso(body: Landmarks) -> Field:
 _TORSO_MASSES = (
     (0.497, 0.043, -0.032, (0.046, 0.045, 0.046), 0.050),
     (0.755, 0.042, 0.026, (0.046, 0.034, 0.031), 0.050),
-    (0.765, 0.048, -0.040, (0.040, 0.050, 0.026), 0.060),
+    (0.765, 0.048, -0.038, (0.040, 0.050, 0.023), 0.055),
 )
 """Buttocks, chest, shoulder blades: height, lateral, ahead, radii (side, up, ahead), blend."""
 
 _STRAPS = (
-    ((0.868, 0.012, -0.018), (-0.014, -0.004, -0.004), (0.026, 0.024, 0.018), 0.045),
+    ((0.856, 0.012, -0.018), (-0.012, -0.005, -0.004), (0.020, 0.018, 0.016), 0.045),
     ((0.765, 0.050, 0.026), (0.036, 0.000, 0.006), (0.020, 0.021, 0.016), 0.050),
     ((0.705, 0.060, -0.022), (0.036, -0.006, -0.010), (0.016, 0.019, 0.016), 0.055),
     ((0.826, 0.014, 0.014), (0.000, 0.014, 0.010), (0.009, 0.009, 0.011), 0.040),
@@ -393,8 +394,8 @@ _NECK = ((0.00, 0.042, 0.036), (0.35, 0.0340, 0.0335), (0.70, 0.0318, 0.0330), (
 _FACE = (
     (0.046, 0.000, 0.0360, (0.0290, 0.0080, 0.0140), 0.018),
     (0.018, 0.022, 0.0310, (0.0120, 0.0110, 0.0120), 0.018),
-    (-0.0080, 0.000, 0.0395, (0.0140, 0.0090, 0.0105), 0.016),
-    (-0.0300, 0.000, 0.0340, (0.0110, 0.0085, 0.0110), 0.014),
+    (-0.0080, 0.000, 0.0375, (0.0140, 0.0090, 0.0105), 0.016),
+    (-0.0300, 0.000, 0.0350, (0.0115, 0.0085, 0.0115), 0.014),
     (0.020, 0.0420, -0.0070, (0.0050, 0.0160, 0.0095), 0.006),
 )
 """Brow, cheek bones, mouth, chin, ears: above the head joint, lateral, ahead, radii (side, up, ahead), blend."""
@@ -402,11 +403,11 @@ _FACE = (
 _EYE_SOCKET = (0.0340, 0.0165, 0.0600, (0.0125, 0.0080, 0.0105), 0.018)
 
 _NOSE = (
-    (0.0000, 0.0085, 0.0175),
-    (0.0050, 0.0095, 0.0225),
-    (0.0120, 0.0085, 0.0215),
-    (0.0240, 0.0060, 0.0150),
-    (0.0380, 0.0055, 0.0100),
+    (0.0000, 0.0085, 0.0190),
+    (0.0050, 0.0095, 0.0245),
+    (0.0120, 0.0085, 0.0232),
+    (0.0240, 0.0062, 0.0172),
+    (0.0380, 0.0058, 0.0118),
 )
 """Up from its base, 0.4 % of stature above the head joint; half breadth; depth before a line inside the face."""
 
@@ -428,10 +429,10 @@ def _head(body: Landmarks) -> Field:
         for shapes, blend in features:
             value = smooth_union(value, _closest(shapes, points), blend)
         value = smooth_cut(value, _closest(sockets, points), socket_blend)
-        value = smooth_union(value, nose(points), 0.010 * unit)
-        return smooth_union(value, neck(points), 0.022 * unit)
+        return smooth_union(value, nose(points), 0.010 * unit)
 
-    return field
+    skull = near(field, at.point(0.035), 0.09 * unit)
+    return lambda points: smooth_union(skull(points), neck(points), 0.022 * unit)
 
 
 def _closest(shapes: Sequence[Field], points: NDArray[np.float64]) -> NDArray[np.float64]:

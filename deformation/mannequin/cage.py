@@ -90,10 +90,10 @@ def _arm_blocks(side: int) -> Iterator[Block]:
         yield _block(part, lambda u, v, w: _arm_corner(side, u, v, w), (j, 0, a), ("depth", band, f"arm {a}"))
     for j, b in product(range(DEPTHS), range(_FINGER_LEVELS)):
         name = ("depth", band, f"finger {b}")
-        yield _block("hand", lambda u, v, w, j=j: _finger_corner(side, j, u - j, v, w), (j, 0, b), name)
+        yield _block("finger", lambda u, v, w, j=j: _finger_corner(side, j, u - j, v, w), (j, 0, b), name)
     for b in range(2):
         name = (f"arm {_THUMB_LEVEL}", band, f"thumb {b}")
-        yield _block("hand", lambda u, v, w: _thumb_corner(side, u, v, w), (0, 0, b), name)
+        yield _block("finger", lambda u, v, w: _thumb_corner(side, u, v, w), (0, 0, b), name)
 
 
 def _arm_corner(side: int, j: int, r: int, a: int) -> Corner:

@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From points (N, 3) metres to values (N,) metres."""
 
-_FAR = 0.25
+_FAR = 0.13
 """Metres from a loft's bounding ball at which its value no longer matters to any blend."""
 
 _SAMPLES = 128
@@ -103,6 +103,18 @@ def ellipsoid(
     tiny = 1e-6
     sections = [[side, side, ahead, ahead]] * 2
     return loft(centre, axis, front, [-tiny, tiny], sections, (along, along))
+
+
+def near(field: Field, centre: NDArray[np.float64], reach: float) -> Field:
+    """The same shape, asked only about points near a ball around it: centre (3,), radius `reach` metres."""
+
+    def bounded(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        value = np.linalg.norm(points - centre, axis=1) - reach
+        close = np.flatnonzero(value < _FAR)
+        value[close] = field(points[close])
+        return value
+
+    return bounded
 
 
 def smooth_union(a: NDArray[np.float64], b: NDArray[np.float64], width: float) -> NDArray[np.float64]:

@@ -9,41 +9,73 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from deformation.mannequin.cage import Corner, Face
 from deformation.mannequin.field import Field, project
 
+_SHARE = 0.6
+"""Of the way to its neighbours' mean that a vertex goes in a round."""
+
 
 @dataclass(frozen=True, eq=False)
 class Patchwork:
-    """Divided faces. vertices: (V, 3) metres; quads: (V - 2, 4); face: (V - 2,) the face each quad came from."""
+    """Divided faces. vertices: (V, 3) metres; grids: one (n + 1, m + 1) array of vertex indices a face."""
 
+    faces: tuple[Face, ...]
     vertices: NDArray[np.float64]
-    quads: NDArray[np.int32]
-    face: NDArray[np.int32]
+    grids: tuple[NDArray[np.int32], ...]
+
+    def quads(self) -> NDArray[np.int32]:
+        """(V - 2, 4) vertex indices, face after face."""
+        cells = [np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1) for g in self.grids]
+        return np.concatenate([cell.reshape(-1, 4) for cell in cells])
+
+    def shapes(self) -> list[NDArray[np.float64]]:
+        """Each face's grid as (n + 1, m + 1, 3) metres."""
+        return [self.vertices[grid] for grid in self.grids]
+
+    def in_parts(self, parts: tuple[str, ...]) -> NDArray[np.bool_]:
+        """(V,) whether a vertex is on a face of one of these parts."""
+        member = np.zeros(len(self.vertices), bool)
+        for face, grid in zip(self.faces, self.grids, strict=True):
+            member[grid] |= face.part in parts
+        return member
 
 
-def divide(faces: list[Face], positions: dict[Corner, NDArray[np.float64]], counts: dict[str, int]) -> Patchwork:
-    """Each face as an even grid with `counts` quads a side, neighbours sharing the vertices of their seam."""
+def corner_grids(faces: list[Face], positions: dict[Corner, NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Each face undivided: (2, 2, 3) metres."""
+    return [
+        np.array([[positions[a], positions[d]], [positions[b], positions[c]]])
+        for a, b, c, d in (f.corners for f in faces)
+    ]
+
+
+def divide(faces: list[Face], shapes: list[NDArray[np.float64]], counts: dict[str, int]) -> Patchwork:
+    """Each face as a grid with `counts` quads a side, neighbours sharing the vertices of their seam.
+
+    shapes: for each face (A, B, 3) metres, a grid of any size whose points lie evenly over it; read bilinearly.
+    """
     places: dict[object, int] = {}
     vertices: list[NDArray[np.float64]] = []
-    quads, origin = [], []
-    for number, face in enumerate(faces):
+    grids = []
+    for number, (face, shape) in enumerate(zip(faces, shapes, strict=True)):
         n, m = (counts[name] for name in face.divisions)
-        corners = np.array([positions[corner] for corner in face.corners])
+        points = _resampled(shape, n, m)
         grid = np.empty((n + 1, m + 1), np.int32)
-        for s in range(n + 1):
-            for t in range(m + 1):
-                key = _place(face, number, s, t, n, m)
-                if key not in places:
-                    places[key] = len(vertices)
-                    vertices.append(_bilinear(corners, s / n, t / m))
-                grid[s, t] = places[key]
-        cells = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=-1).reshape(-1, 4)
-        quads.append(cells)
-        origin.append(np.full(len(cells), number, np.int32))
-    return Patchwork(np.array(vertices), np.concatenate(quads), np.concatenate(origin))
+        for s, t in np.ndindex(grid.shape):
+            key = _place(face, number, s, t, n, m)
+            if key not in places:
+                places[key] = len(vertices)
+                vertices.append(points[s, t])
+            grid[s, t] = places[key]
+        grids.append(grid)
+    return Patchwork(tuple(faces), np.array(vertices), tuple(grids))
 
 
-def _bilinear(corners: NDArray[np.float64], s: float, t: float) -> NDArray[np.float64]:
-    a, b, c, d = corners
-    return (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * d + s * c)
+def _resampled(shape: NDArray[np.float64], n: int, m: int) -> NDArray[np.float64]:
+    """(A, B, 3) read bilinearly at (n + 1, m + 1) even places."""
+    for axis, count in ((0, n), (1, m)):
+        place = np.linspace(0, shape.shape[axis] - 1, count + 1)
+        low = np.minimum(place.astype(int), shape.shape[axis] - 2)
+        share = np.expand_dims(place - low, (1, 2) if axis == 0 else (0, 2))
+        shape = np.take(shape, low, axis) * (1 - share) + np.take(shape, low + 1, axis) * share
+    return shape
 
 
 def _place(face: Face, number: int, s: int, t: int, n: int, m: int) -> object:
@@ -64,18 +96,22 @@ def _step(edge: tuple[Corner, Corner], step: int, count: int) -> object:
     return (low, high, step if low == edge[0] else count - step)
 
 
-def relax(
-    vertices: NDArray[np.float64], quads: NDArray[np.int32], field: Field, rounds: int, share: float = 0.6
-) -> NDArray[np.float64]:
-    """Vertices (V, 3) spread evenly along the surface of `field`: each round moves them towards their neighbours' mean,
-    then back onto the surface."""
-    mean = neighbour_mean(quads, len(vertices))
+def relax(patches: Patchwork, field: Field, rounds: int, still: tuple[str, ...] = ()) -> Patchwork:
+    """The vertices spread evenly along the surface of `field`.
+
+    Each round moves them towards their neighbours' mean, then back onto the surface. Parts in `still` stay as they are.
+    """
+    vertices = patches.vertices.copy()
+    moving = ~patches.in_parts(still)
+    mean = _neighbour_mean(patches.quads(), len(vertices))
     for _ in range(rounds):
-        vertices = project(field, vertices + share * (mean @ vertices - vertices))
-    return project(field, vertices, steps=3)
+        spread = vertices + _SHARE * (mean @ vertices - vertices)
+        vertices[moving] = project(field, spread[moving])
+    vertices[moving] = project(field, vertices[moving], steps=2)
+    return Patchwork(patches.faces, vertices, patches.grids)
 
 
-def neighbour_mean(quads: NDArray[np.int32], count: int) -> csr_array:
+def _neighbour_mean(quads: NDArray[np.int32], count: int) -> csr_array:
     """(V, V) sparse: the mean over the vertices that share an edge."""
     a, b = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2).T
     near = csr_array(coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(count, count)))
