@@ -43,6 +43,9 @@ class Case:
 
 
 CASES = [
+    Case("generic", 6e-5, trackers=4, checksum=True),
+    Case("generic-binary", 1e-6, trackers=4, checksum=True),
+    Case("generic-hid", 1e-6, trackers=4),
     Case("fastrak", 1e-6, trackers=4),
     Case("fastrak", 1e-6, options={"inches": True, "items": (2, 4, 1)}),
     Case("fastrak", 1e-4, options={"binary": False, "items": (2, 4, 1)}),
