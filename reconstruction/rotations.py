@@ -9,17 +9,14 @@ from numpy.typing import NDArray
 
 def multiply(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Hamilton product of quaternions (..., 4): first `b`, then `a`."""
-    ax, ay, az, aw = np.moveaxis(a, -1, 0)
-    bx, by, bz, bw = np.moveaxis(b, -1, 0)
-    return np.stack(
-        (
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ),
-        axis=-1,
-    )
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    product = np.empty(np.broadcast(a, b).shape)
+    product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return product
 
 
 def inverse(q: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -43,8 +40,19 @@ def logarithm(q: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def rotate(q: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    t = 2 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+    t = 2 * cross(q[..., :3], v)
+    return v + q[..., 3:] * t + cross(q[..., :3], t)
+
+
+def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cross product of vectors (..., 3); several times as fast as `np.cross` on small arrays."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    product = np.empty(np.broadcast(a, b).shape)
+    product[..., 0] = ay * bz - az * by
+    product[..., 1] = az * bx - ax * bz
+    product[..., 2] = ax * by - ay * bx
+    return product
 
 
 def about_up(yaw: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,20 @@
+"""Variable-timing transitions from any frame of one motion into another (docs/transitions.md)."""
+
+from reconstruction.transition.classification import ClassThresholds, MotionClass
+from reconstruction.transition.clip import TransitionClip, prepared
+from reconstruction.transition.methods import METHODS, transition
+from reconstruction.transition.result import Transition, joined, ready_pair
+from reconstruction.transition.timing import TimeBounds
+
+__all__ = [
+    "METHODS",
+    "ClassThresholds",
+    "MotionClass",
+    "TimeBounds",
+    "Transition",
+    "TransitionClip",
+    "joined",
+    "prepared",
+    "ready_pair",
+    "transition",
+]
