@@ -45,9 +45,9 @@ class Relocaliser:
     KEEP = 64
     AROUND = 3
     """Frames around a found row, and around its sequel, that are looked at when the pass is over."""
-    CLEARLY = 0.6
+    CLEARLY = 0.5
     """What is found must fit this much better, as a ratio of root mean square errors, ..."""
-    AT_LEAST_M = 0.01
+    AT_LEAST_M = 0.015
     """... and by this many metres."""
 
     def __init__(self, matcher: TrackerMatcher):

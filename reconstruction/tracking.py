@@ -61,7 +61,7 @@ class TrackerReturn:
 class PoseEasing:
     """Shows a solver's change of mind as a quick movement: the difference to the last shown pose fades out."""
 
-    DURATION_S = 0.3
+    DURATION_S = 0.5
 
     def __init__(self) -> None:
         self.reset()
