@@ -1,0 +1,190 @@
+"""The datagrams are read with python-osc, and VMC's bones are put together again in Unity's left-handed world."""
+
+import json
+import socket
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle import OscBundle
+from scipy.spatial.transform import Rotation
+
+from capture.streaming import JsonEncoder, VmcEncoder, VrchatEncoder, open_stream
+from devices.errors import SettingError
+from reconstruction.kinematics import world_transforms
+from reconstruction.skeleton import Skeleton
+from reconstruction.standard_body import standard_skeleton
+
+SKELETON = standard_skeleton(1.75)
+T_POSE = np.tile([0.0, 0.0, 0.0, 1.0], (len(SKELETON), 1))
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+
+
+def pose(seed: int | None) -> np.ndarray:
+    rotations = T_POSE
+    if seed is not None:
+        random = np.random.default_rng(seed)
+        rotations = Rotation.from_rotvec(random.normal(size=(len(SKELETON), 3)) * 0.7).as_quat()
+    return world_transforms(SKELETON, np.array([0.3, 0.95, -1.2]), rotations)
+
+
+def messages(datagrams: list[bytes]) -> dict[tuple, tuple]:
+    """Arguments by address and, for bones, name."""
+    found = {}
+    for datagram in datagrams:
+        assert len(datagram) <= 1400
+        for message in OscBundle(datagram):
+            key = (message.address, *[p for p in message.params if isinstance(p, str)])
+            assert key not in found
+            found[key] = tuple(p for p in message.params if not isinstance(p, str))
+    return found
+
+
+def unity_bones(found: dict[tuple, tuple]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    return {
+        key[1]: (np.array(values[:3]), Rotation.from_quat(values[3:]).as_matrix())
+        for key, values in found.items()
+        if key[0] == "/VMC/Ext/Bone/Pos"
+    }
+
+
+UNITY_PARENTS = {
+    "Spine": "Hips",
+    "Chest": "Spine",
+    "UpperChest": "Chest",
+    "Neck": "UpperChest",
+    "Head": "Neck",
+} | {
+    f"{side}{bone}": above if above in ("Hips", "UpperChest") else f"{side}{above}"
+    for side in ("Left", "Right")
+    for bone, above in (
+        ("Shoulder", "UpperChest"),
+        ("UpperArm", "Shoulder"),
+        ("LowerArm", "UpperArm"),
+        ("Hand", "LowerArm"),
+        ("UpperLeg", "Hips"),
+        ("LowerLeg", "UpperLeg"),
+        ("Foot", "LowerLeg"),
+        ("Toes", "Foot"),
+    )
+}
+
+
+def test_in_the_t_pose_no_vmc_bone_is_turned():
+    found = messages(VmcEncoder(SKELETON)(0.0, pose(None)))
+    for name, (_, rotation) in unity_bones(found).items():
+        assert np.abs(rotation - np.eye(3)).max() < 1e-5, name
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_vmc_bones_put_together_stand_where_the_joints_do(seed):
+    joints = pose(seed)
+    bones = unity_bones(messages(VmcEncoder(SKELETON)(1.5, joints)))
+    assert set(bones) == {"Hips", *UNITY_PARENTS}
+
+    def world(name: str) -> tuple[np.ndarray, np.ndarray]:
+        position, rotation = bones[name]
+        if name == "Hips":
+            return position, rotation
+        above, turned = world(UNITY_PARENTS[name])
+        return above + turned @ position, turned @ rotation
+
+    for bone, joint in SKELETON.humanoid.items():
+        unity = "".join(part.capitalize() for part in bone.split("_"))
+        position, rotation = world(unity)
+        assert np.abs(position - MIRROR @ joints[joint, :3, 3]).max() < 1e-5
+        assert np.abs(rotation - MIRROR @ joints[joint, :3, :3] @ MIRROR).max() < 1e-5
+
+
+def test_vmc_tells_that_it_is_there_and_what_time_it_is():
+    found = messages(VmcEncoder(SKELETON)(12.25, pose(1)))
+    assert found["/VMC/Ext/OK",] == (1,)
+    assert found["/VMC/Ext/T",] == (12.25,)
+    assert found["/VMC/Ext/Root/Pos", "root"] == (0, 0, 0, 0, 0, 0, 1)
+
+
+def test_a_skeleton_that_rests_with_hanging_arms_and_spread_legs_sends_the_same():
+    """How a file's rest pose stands must not show in what is sent."""
+    leaning = {"LeftArm": 40, "RightArm": -40, "LeftUpLeg": -20, "RightUpLeg": 20}
+    turned = np.zeros(len(SKELETON))
+    for joint, parent in enumerate(SKELETON.parents):
+        turned[joint] = leaning.get(SKELETON.names[joint], turned[parent] if parent >= 0 else 0)
+    rest = Rotation.from_rotvec(np.radians(turned)[:, None] * [0.0, 0.0, 1.0])
+    above = rest[np.maximum(SKELETON.parents, 0)]
+    other = Skeleton(SKELETON.names, SKELETON.parents, above.inv().apply(SKELETON.offsets))
+    joints = pose(3)
+    moved = joints.copy()
+    moved[:, :3, :3] = joints[:, :3, :3] @ rest.as_matrix()
+    plain = unity_bones(messages(VmcEncoder(SKELETON)(0.0, joints)))
+    others = unity_bones(messages(VmcEncoder(other)(0.0, moved)))
+    for name in plain.keys() - {"LeftFoot", "RightFoot", "LeftToes", "RightToes"}:
+        assert np.abs(plain[name][1] - others[name][1]).max() < 1e-5, name
+        assert np.abs(plain[name][0] - others[name][0]).max() < 1e-5, name
+
+
+def test_vrchat_trackers_carry_unitys_positions_and_angles():
+    joints = pose(7)
+    found = messages(VrchatEncoder(SKELETON)(0.0, joints))
+    assert len(found) == 18
+    for name, bone in (("1", "hips"), ("3", "left_foot"), ("8", "right_lower_arm"), ("head", "head")):
+        joint = SKELETON.humanoid[bone]
+        position = found[f"/tracking/trackers/{name}/position",]
+        assert np.allclose(position, MIRROR @ joints[joint, :3, 3], atol=1e-5)
+        x, y, z = found[f"/tracking/trackers/{name}/rotation",]
+        rotation = Rotation.from_euler("YXZ", [y, x, z], degrees=True).as_matrix()
+        assert np.abs(rotation - MIRROR @ joints[joint, :3, :3] @ MIRROR).max() < 1e-5
+
+
+def test_vrchat_angles_are_zero_in_the_t_pose_and_right_at_the_pole():
+    found = messages(VrchatEncoder(SKELETON)(0.0, pose(None)))
+    assert np.abs([v for key, v in found.items() if key[0].endswith("rotation")]).max() < 1e-3
+    joints = pose(None).copy()
+    pole = Rotation.from_euler("YXZ", [30, 90, 0], degrees=True).as_matrix()
+    joints[:, :3, :3] = MIRROR @ pole @ MIRROR
+    x, y, z = messages(VrchatEncoder(SKELETON)(0.0, joints))["/tracking/trackers/1/rotation",]
+    back = Rotation.from_euler("YXZ", [y, x, z], degrees=True).as_matrix()
+    assert np.abs(back - pole).max() < 1e-4
+
+
+def test_json_holds_every_joint_in_our_own_world():
+    encode, joints = JsonEncoder(SKELETON), pose(2)
+    first, second = (json.loads(encode(time_s, joints)[0]) for time_s in (0.5, 0.6))
+    assert (first["version"], first["number"], second["number"]) == (1, 0, 1)
+    assert first["time_s"] == 0.5
+    for name, joint in joints_by_name(joints).items():
+        values = first["joints"][name]
+        assert np.allclose(values[:3], joint[:3, 3], atol=1e-5)
+        assert np.allclose(Rotation.from_quat(values[3:]).as_matrix(), joint[:3, :3], atol=1e-4)
+
+
+def joints_by_name(joints: np.ndarray) -> dict[str, np.ndarray]:
+    return dict(zip(SKELETON.names, joints, strict=True))
+
+
+@pytest.mark.parametrize("scheme", ["vmc", "vrchat", "json"])
+def test_a_stream_reaches_its_address(scheme):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5)
+        stream = open_stream(f"{scheme}://127.0.0.1:{receiver.getsockname()[1]}", SKELETON)
+        stream.send(0.0, pose(0))
+        assert len(receiver.recv(65536)) > 200
+        assert stream.sent >= 1
+        stream.close()
+
+
+def test_nobody_listening_harms_nobody():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    stream = open_stream(f"json://127.0.0.1:{port}", SKELETON)
+    for number in range(20):
+        stream.send(number / 60, pose(0))
+    assert stream.sent + stream.dropped == 20
+    stream.close()
+
+
+def test_wrong_addresses_are_told():
+    with pytest.raises(SettingError, match="use vmc, vrchat, json"):
+        open_stream("osc://127.0.0.1:9000", SKELETON)
+    with pytest.raises(SettingError, match="write it like"):
+        open_stream("vmc://127.0.0.1:99999999", SKELETON)
