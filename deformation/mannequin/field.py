@@ -129,16 +129,19 @@ def smooth_cut(a: NDArray[np.float64], b: NDArray[np.float64], width: float) -> 
 
 
 def gradient(field: Field, points: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) by forward differences from the values (N,) at points (N, 3)."""
+    """(N, 3) by differences around the values (N,) at points (N, 3): central in x, so that what is the same left and
+    right stays so, and forward in y and z."""
     step = 1e-5
-    return np.stack([(field(points + step * unit) - value) / step for unit in np.eye(3)], axis=1)
+    along = [field(points + step * unit) for unit in np.eye(3)]
+    right = field(points - [step, 0.0, 0.0])
+    return np.stack([(along[0] - right) / 2, along[1] - value, along[2] - value], axis=1) / step
 
 
-def project(field: Field, points: NDArray[np.float64], steps: int = 1, longest: float = 0.03) -> NDArray[np.float64]:
-    """Points (N, 3) moved onto the surface by Newton steps along the gradient, each at most `longest` metres."""
-    for _ in range(steps):
-        value = field(points)
-        slope = gradient(field, points, value)
-        norm = np.maximum(np.linalg.norm(slope, axis=1), 0.3)
-        points = points - slope * (np.clip(value / norm, -longest, longest) / norm)[:, None]
-    return points
+def project(
+    field: Field, points: NDArray[np.float64], longest: float = 0.03
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (N, 3) after a Newton step towards the surface of at most `longest` metres, and unit normals (N, 3)."""
+    value = field(points)
+    slope = gradient(field, points, value)
+    norm = np.maximum(np.linalg.norm(slope, axis=1), 0.3)[:, None]
+    return points - slope * np.clip(value[:, None] / norm, -longest, longest) / norm, slope / norm

@@ -99,15 +99,18 @@ def _step(edge: tuple[Corner, Corner], step: int, count: int) -> object:
 def relax(patches: Patchwork, field: Field, rounds: int, still: tuple[str, ...] = ()) -> Patchwork:
     """The vertices spread evenly along the surface of `field`.
 
-    Each round moves them towards their neighbours' mean, then back onto the surface. Parts in `still` stay as they are.
+    Each round moves them towards their neighbours' mean, but only along the surface (from inside, Newton's step would
+    push a nose's vertices out at its sides), then back onto it. Parts in `still` stay as they are.
     """
-    vertices = patches.vertices.copy()
     moving = ~patches.in_parts(still)
+    vertices = patches.vertices.copy()
+    vertices[moving], normals = project(field, vertices[moving])
     mean = _neighbour_mean(patches.quads(), len(vertices))
     for _ in range(rounds):
-        spread = vertices + _SHARE * (mean @ vertices - vertices)
-        vertices[moving] = project(field, spread[moving])
-    vertices[moving] = project(field, vertices[moving], steps=2)
+        step = _SHARE * (mean @ vertices - vertices)[moving]
+        step -= np.einsum("ij,ij->i", step, normals)[:, None] * normals
+        vertices[moving], normals = project(field, vertices[moving] + step)
+    vertices[moving], _ = project(field, vertices[moving])
     return Patchwork(patches.faces, vertices, patches.grids)
 
 

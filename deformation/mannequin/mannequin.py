@@ -27,7 +27,7 @@ _LENGTHWISE = {
 }  # fmt: skip
 _AROUND = {"column": 3, "depth": 2}
 _SCALE = {"low": 1.0, "medium": 1.33, "high": 2.0}
-_COARSE_STILL = ("finger",)
+_COARSE_STILL = ("finger", "foot")
 """Parts too slender for the coarse rounds: they would shrink into their roots."""
 
 
@@ -50,7 +50,7 @@ def mannequin(
     coarser, finest = _scales(resolution)
     for scale in coarser:
         shapes = relax(divide(faces, shapes, _counts(scale)), field, rounds=15, still=_COARSE_STILL).shapes()
-    patches = relax(divide(faces, shapes, _counts(finest)), field, rounds=4)
+    patches = relax(divide(faces, shapes, _counts(finest)), field, rounds=6)
     return all_quads(patches.vertices, patches.quads()), frozen(transforms)
 
 
