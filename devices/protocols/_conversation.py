@@ -3,27 +3,34 @@
 from collections.abc import Callable, Generator, Sequence
 
 from devices.errors import DeviceError
-from devices.protocols.protocol import SetBaud, Step
+from devices.protocols._framing import FramedProtocol
+from devices.protocols.protocol import Script, SetBaud, Step
 
 Question = Generator[Step, bytes, bool]
 """A script that returns whether the device answered as it should."""
 
-COMMON_BAUDS = (115200, 19200, 9600, 38400, 57600)
+COMMON_BAUDS = (19200, 9600, 38400, 57600, 115200)
 
 
-def find_baud(
-    bauds: Sequence[int], question: Callable[[], Question], device: str, hint: str
-) -> Generator[Step, bytes, int]:
-    """Tries line speeds until the question is answered, and returns that speed.
+def find_baud(protocol: FramedProtocol, bauds: Sequence[int], question: Callable[[], Question], hint: str) -> Script:
+    """Asks at the speed the port was opened with, then at others, until the device answers.
 
-    Raises DeviceError naming the device, the speeds and the hint where none is.
+    Once found, a speed is the only one that is tried: a device that comes back is heard at once. Raises DeviceError
+    naming the device, the speeds and the hint where there is no answer.
     """
+    if protocol.found_baud:
+        yield SetBaud(protocol.found_baud)
+        bauds = ()
+    if (yield from question()):
+        return
     for baud in bauds:
         yield SetBaud(baud)
         if (yield from question()):
-            return baud
-    speeds = ", ".join(map(str, bauds))
-    raise DeviceError(f"no answer from {device} at {speeds} baud: {hint}")
+            protocol.found_baud = baud
+            return
+    others = f", nor at {', '.join(map(str, bauds))} baud" if bauds else ""
+    own = f"{protocol.found_baud} baud" if protocol.found_baud else "the port's speed"
+    raise DeviceError(f"no answer from {protocol.title} at {own}{others}: {hint}")
 
 
 class CommandLine:

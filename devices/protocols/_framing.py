@@ -22,6 +22,8 @@ class FramedProtocol(DeviceProtocol):
     begin inside.
     """
 
+    found_baud: int = field(default=0, init=False, repr=False, compare=False)
+    """The line speed at which start-up found the device, 0 where it is the one the port was opened with."""
     _rest: bytes = field(default=b"", init=False, repr=False, compare=False)
 
     @abstractmethod

@@ -9,7 +9,7 @@ the numbers can be a pose.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from devices.errors import DeviceError, SettingError
@@ -17,7 +17,7 @@ from devices.protocols._conversation import COMMON_BAUDS, CommandLine, Question,
 from devices.protocols._framing import DROP_ONE, WAIT, FramedProtocol, Scan, drop_until
 from devices.protocols._poses import INCH_M
 from devices.protocols._records import Item, RecordLayout
-from devices.protocols.protocol import Drain, Pause, Receive, Script, SimulatedDevice, Write
+from devices.protocols.protocol import Drain, Receive, Script, SimulatedDevice, Write
 from devices.sample import SampleFlag, TrackerSample
 
 ITEMS: Mapping[int, Item] = {
@@ -34,6 +34,7 @@ WEAK_SIGNAL = "xjk"
 
 _STATUS = re.compile(rb"2.S[0-9A-Fa-f]{3}")
 _REINITIALISE = b"\x19"
+_TRIES_BEFORE_RESET = 3
 
 
 @dataclass
@@ -57,12 +58,12 @@ class Fastrak(FramedProtocol):
     endings: ClassVar[tuple[int, ...]] = (0, 1)
     flagging: ClassVar[bool] = True
     """Whether the third character can be an error letter."""
-    restart_s: ClassVar[float] = 10.0
 
     binary: bool = True
     inches: bool = False
     items: tuple[int, ...] = (2, 11, 0)
     hemisphere: tuple[float, ...] = ()
+    _unanswered: int = field(default=0, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.items, self.hemisphere = tuple(self.items), tuple(self.hemisphere)
@@ -104,7 +105,7 @@ class Fastrak(FramedProtocol):
 
     def start(self) -> Script:
         hint = "check its power, the null-modem cable, and the I/O switches (8 data bits, no parity)"
-        yield from find_baud(COMMON_BAUDS, self._status, self.title, hint)
+        yield from find_baud(self, COMMON_BAUDS, self._status, hint)
         for station in (yield from self._active_stations()):
             yield Write(f"O{station},{','.join(map(str, self.items))}\r".encode())
             if self.hemisphere:
@@ -120,13 +121,15 @@ class Fastrak(FramedProtocol):
         yield Drain()
 
     def recover(self) -> Script:
-        """Starts again; where nothing answers, re-initialises the device first, which takes it ten seconds."""
+        """Starts again; a device that does not answer some times is re-initialised once, which takes it ten seconds."""
         try:
             yield from self.start()
+            self._unanswered = 0
         except DeviceError:
-            yield Write(_REINITIALISE)
-            yield Pause(self.restart_s)
-            yield from self.start()
+            self._unanswered += 1
+            if self._unanswered == _TRIES_BEFORE_RESET:
+                yield Write(_REINITIALISE)
+            raise
 
     def _status(self) -> Question:
         """Ends a half-typed command and a stream left on by a crash, then asks for the status record."""

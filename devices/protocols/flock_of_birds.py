@@ -7,7 +7,7 @@ the bird's address follows. There is no checksum: the phase bits and a quaternio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from devices.axes import Quaternion
@@ -40,7 +40,8 @@ HEMISPHERES = {
 FULL_SCALES_IN = (36, 72, 144)
 """Reach in inches: the default, the doubled scale (parameter 3), an extended-range transmitter."""
 
-_BAUDS = (115200, 38400, 19200, 9600, 57600)
+_BAUDS = (38400, 19200, 9600, 57600, 115200)
+_RECOVERIES_A_RESET = 4
 _POINT, _STREAM = b"B", b"@"
 _FLOCK_STATUS = b"O\x24"
 _STATUS_SIZE = 14
@@ -69,6 +70,7 @@ class FlockOfBirds(FramedProtocol):
     record: str = "position_quaternion"
     hemisphere: str = "forward"
     group: bool = True
+    _recoveries: int = field(default=0, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for what, given, allowed in (
@@ -118,15 +120,28 @@ class FlockOfBirds(FramedProtocol):
         return TrackerSample(str(number), host_time_ns, position, turn and axes.quaternion_to_rub(turn))
 
     def start(self) -> Script:
-        yield SetRts(False)
-        hint = (
-            "check power, the FLY switch, the cable and the baud switches (RTS must reach the flock: it is its reset)"
-        )
         try:
-            yield from find_baud(_BAUDS[:1], self._answers, self.title, hint)
+            yield from self._reach(())
         except DeviceError:
             yield from self._reset()
-            yield from find_baud(_BAUDS, self._answers, self.title, hint)
+            yield from self._reach(_BAUDS)
+        yield from self._configure()
+
+    def recover(self) -> Script:
+        """As `start`, but mostly without the reset, which for three seconds makes a flock deaf that has come back."""
+        self._recoveries += 1
+        if self._recoveries % _RECOVERIES_A_RESET == 0:
+            yield from self._reset()
+        yield from self._reach(())
+        yield from self._configure()
+
+    def _reach(self, bauds: Sequence[int]) -> Script:
+        yield SetRts(False)
+        hint = "check power, the FLY switch, the baud switches, and a cable with RTS (the flock's reset)"
+        yield from find_baud(self, bauds, self._answers, hint)
+
+    def _configure(self) -> Script:
+        """Forms the group, sets every bird's record and hemisphere, and starts the stream."""
         addresses = yield from self._addresses()
         if self.group:
             yield from self._form_group(addresses)

@@ -19,7 +19,6 @@ from devices.protocols.counters import SequenceGaps
 from devices.protocols.protocol import (
     DeviceProtocol,
     HidMatch,
-    Pause,
     Receive,
     Script,
     SendFeature,
@@ -111,12 +110,11 @@ class Hydra(DeviceProtocol):
         return position
 
     def start(self) -> Script:
-        if len((yield Receive(1.0, size=REPORT_SIZE))) >= REPORT_SIZE:
+        if _HEAD in (yield Receive(1.0, until=_HEAD)):
             return
         for _ in range(10):
             yield SendFeature(mode_report(motion=True))
-            yield Pause(0.05)
-            if len((yield Receive(0.5, size=REPORT_SIZE))) >= REPORT_SIZE:
+            if _HEAD in (yield Receive(0.5, until=_HEAD)):
                 return
         raise DeviceError(f"{self.title} stays a gamepad: unplug it, plug it in again, and start with the wands docked")
 

@@ -33,7 +33,6 @@ class Is900(fastrak.Fastrak):
     table: ClassVar[Mapping[int, Item]] = ITEMS
     endings: ClassVar[tuple[int, ...]] = (0, 1, 20)
     flagging: ClassVar[bool] = False
-    restart_s: ClassVar[float] = 20.0
 
     def simulator(self, roles: Sequence[str]) -> fastrak.SimulatedFastrak:
         return fastrak.SimulatedFastrak(self, len(roles), status="4.00  INTERSENSE IS-900", status_size=54)

@@ -87,7 +87,7 @@ class Isotrak2(FramedProtocol):
 
     def start(self) -> Script:
         hint = "check its power, the null-modem cable, and the baud switches (8 data bits, no parity)"
-        yield from find_baud(COMMON_BAUDS, self._status, self.title, hint)
+        yield from find_baud(self, COMMON_BAUDS, self._status, hint)
         yield Write(_ITEMS)
         for station in _STATIONS:
             yield Write(b"R%b\rb%b\r" % (station, station))

@@ -109,7 +109,7 @@ class Liberty(FramedProtocol):
 
     def start(self) -> Script:
         hint = "check its power and cable, and that it is the RS-232 port (its USB port is no serial port)"
-        yield from find_baud(COMMON_BAUDS, self._active_sensors, self.title, hint)
+        yield from find_baud(self, COMMON_BAUDS, self._active_sensors, hint)
         yield Write(b"U0\r" if self.inches else b"U1\r")
         yield Write(f"O*,{','.join(map(str, self.items))}\r".encode())
         yield Drain(timeout_s=0.2)

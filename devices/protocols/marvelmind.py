@@ -33,7 +33,7 @@ _HEAD = struct.Struct("<2sHB")
 _CRC_SIZE = 2
 _MODBUS = 0xFFFF
 _UNAVAILABLE = 0x01
-_BAUDS = (115200, 9600, 500000, 19200, 38400, 57600)
+_BAUDS = (500000, 115200, 19200, 38400, 57600)
 
 
 def packet(kind: int, payload: bytes) -> bytes:
@@ -110,7 +110,7 @@ class Marvelmind(FramedProtocol):
     def start(self) -> Script:
         """Nothing to say: only the line's speed is found, by listening."""
         hint = 'switch "streaming" on in the Dashboard, and check that the beacon is in its map and awake'
-        yield from find_baud(_BAUDS, self._streams, self.title, hint)
+        yield from find_baud(self, _BAUDS, self._streams, hint)
 
     def _streams(self) -> Question:
         """Whether a good packet comes; on USB the speed does not matter, so that the first one will do."""

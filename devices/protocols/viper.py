@@ -47,7 +47,7 @@ _COMMAND_BODY = struct.Struct("<iIIII")
 _CRC_SIZE = 4
 _MOST_SENSORS = 16
 _LARGEST_COMMAND = 256
-_BAUDS = (115200, 921600, 460800, 230400)
+_BAUDS = (921600, 460800, 230400, 115200)
 
 
 def frame(preamble: bytes, body: bytes) -> bytes:
@@ -116,7 +116,7 @@ class Viper(FramedProtocol):
 
     def start(self) -> Script:
         hint = "check its power, and that it is the RS-422 port (its USB port is no serial port)"
-        yield from find_baud(_BAUDS, self._has_sensors, self.title, hint)
+        yield from find_baud(self, _BAUDS, self._has_sensors, hint)
         for what, request in (
             ("metres and quaternions", command_frame(UNITS, SET, struct.pack("<II", METRE, QUATERNION))),
             ("continuous output", command_frame(CONTINUOUS, SET)),

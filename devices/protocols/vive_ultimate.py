@@ -42,6 +42,7 @@ class ViveUltimate(DeviceProtocol):
     rate_hz: ClassVar[float] = 60.0
     max_trackers: ClassVar[int] = 5
     filters_itself: ClassVar[bool] = True
+    checked: ClassVar[str] = "others' reverse engineering and simulator"
 
     quaternion_order: str = "xyzw"
 

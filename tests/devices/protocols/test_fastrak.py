@@ -4,7 +4,7 @@ import pytest
 
 from devices.errors import DeviceError, SettingError
 from devices.protocols.fastrak import Fastrak
-from devices.protocols.protocol import Pause, run_dry
+from devices.protocols.protocol import SetBaud, run_dry
 from devices.sample import SampleFlag
 from tests.devices.protocols.wire import POSE_A_FRD, VECTORS, Wire, decode, started
 
@@ -83,13 +83,25 @@ def test_start_finds_the_speed_and_sets_only_the_stations_that_are_on():
 
 
 def test_silence_is_one_clear_line():
-    with pytest.raises(DeviceError, match=r"no answer from Polhemus FASTRAK at 115200, .* baud: check its power"):
+    with pytest.raises(DeviceError, match=r"FASTRAK at the port's speed, nor at 19200, .* baud: check its power"):
         Wire(Fastrak().simulator(["a"]), bauds=()).run(Fastrak().start())
 
 
-def test_recovery_re_initialises_a_device_that_does_not_answer():
-    replies = iter([b""] * 5 + [b"21S3F0 \r\n", b"21l1100\r\n", b""])
-    assert Pause(10.0) in run_dry(Fastrak().recover(), replies)
+def test_once_found_the_speed_is_kept():
+    protocol = Fastrak()
+    device = protocol.simulator(["a"])
+    Wire(device, bauds=(9600,)).run(protocol.start())
+    steps = run_dry(protocol.start(), iter([b"21S3F0 \r\n"]))
+    assert [s for s in steps if isinstance(s, SetBaud)] == [SetBaud(9600)]
+
+
+def test_recovery_re_initialises_a_device_that_does_not_answer_but_only_once():
+    protocol = Fastrak()
+    wire = Wire(protocol.simulator(["a"]), bauds=())
+    for _ in range(6):
+        with pytest.raises(DeviceError):
+            wire.run(protocol.recover())
+    assert wire.written.count(b"\x19") == 1
 
 
 def test_a_refused_setting_and_a_list_without_an_end_are_named():

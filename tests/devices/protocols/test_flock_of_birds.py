@@ -58,10 +58,21 @@ def test_start_says_what_the_notes_list():
 def test_a_flock_held_in_reset_is_let_go_and_only_then_reset():
     status = bytes([0xE0, 0xE0, *bytes(12)])
     steps = run_dry(FlockOfBirds().start(), iter([b"", status, status, status, status]))
-    assert [s for s in steps if isinstance(s, SetRts)] == [SetRts(False), SetRts(True), SetRts(False)]
+    assert [s for s in steps if isinstance(s, SetRts)] == [SetRts(False), SetRts(True), SetRts(False), SetRts(False)]
     quick = run_dry(FlockOfBirds().start(), iter([status] * 4))
     assert [s for s in quick if isinstance(s, SetRts)] == [SetRts(False)]
     assert not any(isinstance(s, Pause) for s in quick), "a flock that runs already is not configured anew"
+
+
+def test_recovery_resets_a_flock_only_now_and_then():
+    protocol = FlockOfBirds()
+    resets = []
+    for _ in range(8):
+        wire = Wire(protocol.simulator(["a"]), bauds=())
+        with pytest.raises(DeviceError):
+            wire.run(protocol.recover())
+        resets.append(wire.resets)
+    assert resets == [0, 0, 0, 1, 0, 0, 0, 1]
 
 
 def test_an_extended_range_transmitter_shifts_the_addresses():

@@ -51,8 +51,9 @@ def test_other_packets_are_passed_over():
 
 
 def test_start_listens_at_each_speed_and_writes_nothing():
-    wire = Wire(Marvelmind().simulator(["a"]), bauds=(9600,), samples=[TrackerSample("1", 0, PLACE)])
-    wire.run(Marvelmind().start())
-    assert wire.written == b""
+    protocol = Marvelmind()
+    wire = Wire(protocol.simulator(["a"]), bauds=(19200,), samples=[TrackerSample("1", 0, PLACE)])
+    wire.run(protocol.start())
+    assert (wire.written, protocol.found_baud) == (b"", 19200)
     with pytest.raises(DeviceError, match='switch "streaming" on'):
         run_dry(Marvelmind().start(), iter(()))

@@ -13,6 +13,7 @@ from devices.protocols.protocol import (
     Script,
     SendFeature,
     SetBaud,
+    SetRts,
     SimulatedDevice,
     Write,
 )
@@ -21,6 +22,9 @@ from devices.sample import TrackerSample
 _VECTOR_FILE = Path(__file__).with_name("vectors.json")
 VECTORS = {name: bytes.fromhex(text) for name, text in json.loads(_VECTOR_FILE.read_text()).items()}
 """The worked byte vectors of the protocol notes, by name."""
+
+OPENED_AT = 115200
+"""The speed a port is opened with."""
 
 _W, _X, _Y, _Z = 0.943714364147489, 0.12767944069578063, -0.14487812541736916, 0.2685358227515692
 """Azimuth 30, elevation -20, roll 10 degrees, from the cosines and sines of 15, -10, 5 degrees."""
@@ -42,8 +46,9 @@ class Wire:
         self.samples = samples
         self.inbox = b""
         self.written = b""
+        self.resets = 0
         self._bauds = bauds
-        self._heard = bauds != ()
+        self._heard = bauds is None or OPENED_AT in bauds
 
     def run(self, script: Script) -> None:
         try:
@@ -61,6 +66,8 @@ class Wire:
                     self.inbox += self.device.answer(data)
             case SetBaud(baud):
                 self._heard = self._bauds is None or baud in self._bauds
+            case SetRts(on):
+                self.resets += on
             case Drain():
                 self.inbox = b""
             case Receive(_, until, size):
