@@ -1,7 +1,11 @@
 """The datagrams are read with python-osc, and VMC's bones are put together again in Unity's left-handed world."""
 
+import importlib.util
 import json
 import socket
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -188,3 +192,57 @@ def test_wrong_addresses_are_told():
         open_stream("osc://127.0.0.1:9000", SKELETON)
     with pytest.raises(SettingError, match="write it like"):
         open_stream("vmc://127.0.0.1:99999999", SKELETON)
+
+
+RECEIVER = """
+import sys, time
+sys.path.insert(0, {here!r})
+from vmcp.osc import OSC
+from vmcp.osc.backend.osc4py3 import as_comthreads as backend
+from vmcp.events import BoneTransformEvent, RelativeTimeEvent, RootTransformEvent, StateEvent
+from vmcp.facades import on_receive
+from capture.streaming import open_stream
+from tests.capture.test_streaming import SKELETON, pose
+
+seen = {{}}
+osc = OSC(backend)
+with osc.open():
+    receiver = osc.create_receiver("127.0.0.1", {port}, "receiver").open()
+    for event in (BoneTransformEvent, RelativeTimeEvent, RootTransformEvent, StateEvent):
+        on_receive(receiver, event, lambda e: seen.setdefault(type(e).__name__, []).append(e))
+    stream = open_stream("vmc://127.0.0.1:{port}", SKELETON)
+    deadline = time.monotonic() + 10
+    while len(seen.get("BoneTransformEvent", [])) < 22 and time.monotonic() < deadline:
+        stream.send(2.5, pose(6))
+        for _ in range(10):
+            osc.run()
+            time.sleep(0.01)
+for bone in seen["BoneTransformEvent"][:22]:
+    p, q = bone.position, bone.rotation
+    print("bone", bone.joint.value, p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+print("time", seen["RelativeTimeEvent"][0].delta)
+print("state", seen["StateEvent"][0].model_state.value)
+assert seen["RootTransformEvent"]
+"""
+
+
+def test_an_independent_vmc_receiver_understands_every_bone():
+    for package in ("vmcp", "osc4py3"):
+        if importlib.util.find_spec(package) is None:
+            pytest.skip(f"the VMC receiver library is not installed (pip install vmcp[osc4py3]: {package})")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    here = str(Path(__file__).parents[2])
+    script = RECEIVER.format(here=here, port=port)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split() for line in done.stdout.splitlines()]
+    heard = {line[1]: np.array(line[2:], float) for line in lines if line[0] == "bone"}
+    sent = unity_bones(messages(VmcEncoder(SKELETON)(2.5, pose(6))))
+    assert heard.keys() == sent.keys()
+    for name, values in heard.items():
+        assert np.allclose(values[:3], sent[name][0], atol=1e-6)
+        assert np.allclose(Rotation.from_quat(values[3:]).as_matrix(), sent[name][1], atol=1e-6)
+    assert ["time", "2.5"] in lines
+    assert ["state", "1"] in lines
