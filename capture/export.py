@@ -5,11 +5,14 @@ import os
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from capture.glb import write_glb
+from capture.joint_presets import renamed, renamed_skeleton
 from deformation.character import Character
 from devices.errors import FileError, choice_error
 from devices.frame import frozen
@@ -23,16 +26,21 @@ __all__ = ["motion_writer", "read_csv", "read_npz", "write_csv", "write_glb", "w
 _COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
-def write_motion(motion: Motion, path: str | Path, character: Character | None = None) -> None:
+def write_motion(
+    motion: Motion, path: str | Path, character: Character | None = None, joint_names: str | None = None
+) -> None:
     """Writes a motion as its ending says: `.bvh`, `.glb`, `.csv` or `.npz`, beside and renamed into place.
 
-    character: who moves in a `.glb`; without one the mannequin does. Raises SettingError for another ending, OSError.
+    character: who moves in a `.glb`; without one the mannequin does. joint_names: one of `capture.joint_presets`, or
+    None to keep the skeleton's own. Raises SettingError for another ending or preset, OSError.
     """
-    writer = motion_writer(path)
-    if writer is _write_character:
-        _write_character(motion, path, character)
-    else:
-        writer(motion, path)
+    write = motion_writer(path)
+    if write is write_glb:
+        character = character or _mannequin(motion)
+        if joint_names is not None:
+            character = replace(character, skeleton=renamed_skeleton(character.skeleton, joint_names))
+        write = partial(write_glb, character)
+    write(motion if joint_names is None else renamed(motion, joint_names), path)
 
 
 def motion_writer(path: str | Path) -> Callable[..., None]:
@@ -46,7 +54,7 @@ def motion_writer(path: str | Path) -> Callable[..., None]:
 def write_npz(motion: Motion, path: str | Path) -> None:
     """NumPy arrays `names`, `parents`, `offsets_m`, `root_positions_m`, `rotations_xyzw`, `fps` and `name`, exactly."""
     skeleton = motion.skeleton
-    with _beside(Path(path)) as partial, partial.open("wb") as file:
+    with _beside(Path(path)) as beside, beside.open("wb") as file:
         np.savez_compressed(
             file,
             names=np.array(skeleton.names),
@@ -81,7 +89,7 @@ def write_csv(motion: Motion, path: str | Path) -> None:
     values = np.concatenate([positions, motion.rotations], axis=2).reshape(len(motion), -1)
     header = ["time_s", *(f"{name}.{column}" for name in motion.skeleton.names for column in _COLUMNS)]
     row = ",".join(["%.17g"] * values.shape[1])
-    with _beside(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+    with _beside(Path(path)) as beside, beside.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(header)
         for frame, numbers in enumerate(values):
             file.write(f"{frame / motion.fps:.17g},{row % tuple(numbers)}\n")
@@ -106,15 +114,15 @@ def read_csv(path: str | Path, skeleton: Skeleton) -> Motion:
     return Motion(skeleton, frozen(joints[:, 0, :3].copy()), frozen(joints[:, :, 3:].copy()), fps, path.stem)
 
 
-def _write_character(motion: Motion, path: str | Path, character: Character | None = None) -> None:
+def _mannequin(motion: Motion) -> Character:
     from deformation.character import mannequin_character
 
-    write_glb(character or mannequin_character(motion.skeleton, reference=motion.pose(0)), motion, path)
+    return mannequin_character(motion.skeleton, reference=motion.pose(0))
 
 
 _WRITERS: dict[str, Callable[..., None]] = {
     ".bvh": write_bvh,
-    ".glb": _write_character,
+    ".glb": write_glb,
     ".csv": write_csv,
     ".npz": write_npz,
 }
@@ -122,9 +130,9 @@ _WRITERS: dict[str, Callable[..., None]] = {
 
 @contextmanager
 def _beside(path: Path) -> Iterator[Path]:
-    partial = path.with_name(f".{path.name}.partial")
+    beside = path.with_name(f".{path.name}.partial")
     try:
-        yield partial
-        os.replace(partial, path)
+        yield beside
+        os.replace(beside, path)
     finally:
-        partial.unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
