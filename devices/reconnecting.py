@@ -34,6 +34,7 @@ class ReconnectingDevice:
         self._tell = tell
         self._silent_s = silent_s
         self._heard = self._tried = 0.0
+        self._last_error = ""
 
     def open(self) -> None:
         """Opens the device. Raises DeviceError: a device that is not there at the start is the user's to mend."""
@@ -82,19 +83,20 @@ class ReconnectingDevice:
             if self.state is DeviceState.STREAMING:
                 self._tell(f"{self.name}: silent for {now - self._heard:.1f} s; trying to wake it")
                 self.state = DeviceState.SILENT
-            recover = getattr(self.driver, "recover", None)
-            if recover is not None:
-                recover()
-            self._tried = time.perf_counter()
+            try:
+                getattr(self.driver, "recover", lambda: None)()
+            finally:
+                self._tried = time.perf_counter()
 
     def _lose(self, error: DeviceError) -> None:
         if isinstance(error, DeviceLost):
             self._tell(f"{error}; looking for it")
             self.state = DeviceState.GONE
             self._tried = time.perf_counter() - RETRY_S
-        else:
+        elif str(error) != self._last_error:
             self._tell(str(error))
+        self._last_error = str(error)
 
     def _now_streaming(self) -> None:
-        self.state = DeviceState.STREAMING
+        self.state, self._last_error = DeviceState.STREAMING, ""
         self._heard = self._tried = time.perf_counter()
