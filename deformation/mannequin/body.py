@@ -36,6 +36,9 @@ _LEG = (
     (1.92, 0.0185, 0.019, 0.0205, 0.0225),
     (2.00, 0.0205, 0.0205, 0.021, 0.024),
 )
+_THIGHS_APART = 0.85
+"""Share of the way to the other leg that a thigh may fill, for skeletons with narrow hips."""
+
 _ARM = (
     (-0.05, 0.030, 0.030, 0.032, 0.032),
     (0.20, 0.031, 0.030, 0.0325, 0.0325),
@@ -53,8 +56,8 @@ _ARM = (
 """Arms hang palm inward: outward is the back of the hand, front the thumb."""
 
 _TORSO = (
-    (0.452, 0.020, 0.022, 0.034),
-    (0.472, 0.048, 0.041, 0.050),
+    (0.466, 0.024, 0.026, 0.038),
+    (0.478, 0.052, 0.042, 0.052),
     (0.495, 0.077, 0.0545, 0.062),
     (0.520, 0.0920, 0.0580, 0.066),
     (0.550, 0.0930, 0.0580, 0.062),
@@ -82,7 +85,7 @@ _FOOT = (
 )
 """Ahead of the ankle, then radii outward, inward and upward from the sole."""
 
-FINGERS = ((0.0165, 0.050, 0.0066), (0.0057, 0.056, 0.0068), (-0.0052, 0.052, 0.0065), (-0.0153, 0.041, 0.0057))
+FINGERS = ((0.0172, 0.050, 0.0055), (0.0058, 0.056, 0.0057), (-0.0054, 0.052, 0.0054), (-0.0164, 0.041, 0.0047))
 """Towards the thumb, length, radius at the knuckle: index to little finger."""
 
 _HIP_SHARE, _SHOULDER_SHARE = 0.520, 0.818
@@ -144,7 +147,7 @@ def torso_point(body: Landmarks, height: float, lateral: float = 0.0, front: flo
     hips, shoulders = (body.left.hip + body.right.hip) / 2, (body.left.shoulder + body.right.shoulder) / 2
     up = (height - _HIP_SHARE) / (_SHOULDER_SHARE - _HIP_SHARE)
     centre = hips + np.clip(up, -0.2, 1.1) * (shoulders - hips)
-    centre[1] = hips[1] + up * (shoulders[1] - hips[1])
+    centre[1] = hips[1] + (up * (shoulders[1] - hips[1]) if up > 0 else (height - _HIP_SHARE) * body.stature)
     return centre + body.stature * np.array([lateral, 0.0, front])
 
 
@@ -164,7 +167,7 @@ def body_field(body: Landmarks, finger_blend: float = 0.0025) -> Field:
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         trunk = smooth_union(torso(points), head(points), 0.030 * unit)
-        legs = smooth_union(sides[0][0](points), sides[1][0](points), 0.006 * unit)
+        legs = smooth_union(sides[0][0](points), sides[1][0](points), 0.004 * unit)
         arms = np.minimum(sides[0][1](points), sides[1][1](points))
         hands = np.minimum(sides[0][2](points), sides[1][2](points))
         value = smooth_union(trunk, legs, 0.060 * unit)
@@ -193,8 +196,10 @@ def _leg(body: Landmarks, side: Side) -> Field:
     own = leg_frame(body, side)
     thigh, shank = (float(np.linalg.norm(b - a)) for a, b in ((side.hip, side.knee), (side.knee, side.ankle)))
     unit = body.stature
-    table = np.array(_LEG)
-    limb = _limb(own, _stations(_LEG, thigh, shank), table[:, 1:], (0.05 * unit, 0.02 * unit))
+    table, stations = np.array(_LEG), _stations(_LEG, thigh, shank)
+    to_midplane = np.abs(own.origin[0] + stations * own.along[0])
+    table[:, 2] = np.minimum(table[:, 2], _THIGHS_APART * to_midplane / unit)
+    limb = _limb(own, stations, table[:, 1:], (0.05 * unit, 0.02 * unit))
     foot = _foot(body, side)
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -245,7 +250,7 @@ def _hand(body: Landmarks, side: Side, finger_blend: float) -> Field:
         for finger in fingers[1:]:
             value = smooth_union(value, finger(points), finger_blend)
         value = smooth_union(value, palm(points), 0.008 * unit)
-        return smooth_union(value, thumb(points), 0.009 * unit)
+        return smooth_union(value, thumb(points), 0.013 * unit)
 
     return near(field, own.point(0.05), 0.08 * unit)
 
@@ -262,10 +267,15 @@ def _palm(own: Frame) -> Field:
     return _limb(own, table[:, 0] * own.scale, table[:, 1:], (0.01 * own.scale, 0.008 * own.scale))
 
 
+def knuckle_bow(across: float) -> float:
+    """How much nearer to the wrist than the middle finger's a knuckle is, in shares of stature."""
+    return 0.25 * abs(across - 0.004)
+
+
 def finger_path(own: Frame, across: float, length: float) -> list[NDArray[np.float64]]:
     """Knuckle, middle joint and tip (3,) metres of a finger, a little bent towards the palm and fanned out."""
     fan = across * 3.0
-    knuckle = own.point(0.050 - abs(across - 0.004) * 0.25, 0.0005, across)
+    knuckle = own.point(0.050 - knuckle_bow(across), 0.0005, across)
     middle = knuckle + own.scale * length * 0.48 * own.direction(1.0, -0.14, fan)
     return [knuckle, middle, middle + own.scale * length * 0.52 * own.direction(1.0, -0.42, fan * 0.8)]
 
@@ -273,7 +283,7 @@ def finger_path(own: Frame, across: float, length: float) -> list[NDArray[np.flo
 def thumb_path(own: Frame) -> list[NDArray[np.float64]]:
     """Root, middle joint and tip (3,) metres of the thumb."""
     root = own.point(0.012, -0.006, 0.012)
-    middle = root + own.scale * 0.034 * own.direction(0.74, -0.32, 0.62)
+    middle = root + own.scale * 0.034 * own.direction(0.72, -0.30, 0.68)
     return [root, middle, middle + own.scale * 0.028 * own.direction(0.90, -0.22, 0.36)]
 
 
@@ -282,7 +292,7 @@ def _finger(own: Frame, across: float, length: float, radius: float) -> Field:
 
 
 def _thumb(own: Frame) -> Field:
-    return _chain(thumb_path(own), [0.0120, 0.0082, 0.0062], own)
+    return _chain(thumb_path(own), [0.0108, 0.0076, 0.0058], own)
 
 
 def _chain(path: list[NDArray[np.float64]], radii: list[float], own: Frame) -> Field:
@@ -369,7 +379,7 @@ def _torso_hull(body: Landmarks) -> Loft:
         [x * unit * breadth(body, y), x * unit * breadth(body, y), front * unit, back * unit]
         for y, x, front, back in _TORSO
     ]
-    return loft(low, axis, _AHEAD, stations, radii, (0.02 * unit, 0.02 * unit), 2.25)
+    return loft(low, axis, _AHEAD, stations, radii, (0.010 * unit, 0.02 * unit), 2.25)
 
 
 def _paired(body: Landmarks, height: float, lateral: float, front: float, radii: Sequence[float]) -> tuple[Loft, Loft]:

@@ -18,6 +18,7 @@ from deformation.mannequin.body import (
     finger_path,
     foot_frame,
     hand_frame,
+    knuckle_bow,
     leg_frame,
     thumb_path,
     torso_point,
@@ -160,7 +161,7 @@ def corner_positions(body: Landmarks) -> dict[Corner, NDArray[np.float64]]:
 
 
 _TORSO_RINGS = (
-    (0.474, 0.095, 0.050, 0.062),
+    (0.452, 0.095, 0.050, 0.062),
     (0.565, 0.092, 0.058, 0.060),
     (0.625, 0.080, 0.054, 0.048),
     (0.745, 0.100, 0.062, 0.064),
@@ -188,7 +189,7 @@ def _torso_corner_position(body: Landmarks, i: int, j: int, k: int) -> NDArray[n
         return body.head + body.stature * np.array([x * wide, height + dome + jut, z * (front if z > 0 else back)])
     height, wide, front, back = _TORSO_RINGS[k]
     if k == 0:
-        height += 0.05 * abs(x) ** 2
+        height += 0.075 * x * x
     return torso_point(body, height, x * wide, z * (front if z > 0 else back))
 
 
@@ -221,7 +222,7 @@ def _leg_positions(body: Landmarks, side: Side) -> dict[Corner, NDArray[np.float
 
 
 _ARM_RINGS = ((0.30, 0.031), (0.86, 0.024), (1.14, 0.025), (1.96, 0.016))
-_HAND_RINGS = ((0.012, 0.0175, 0.011), (0.040, 0.0205, 0.010), (0.050, 0.0215, 0.009))
+_HAND_RINGS = ((0.012, 0.0175, 0.011), (0.040, 0.0205, 0.010), (0.058, 0.0225, 0.008))
 """Along the hand, half breadth, half thickness: thumb's root, its end, knuckles."""
 
 
@@ -235,8 +236,9 @@ def _arm_positions(body: Landmarks, side: Side) -> dict[Corner, NDArray[np.float
             centre = np.array([np.interp(station, (0, 1, 2), joints[:, axis]) for axis in range(3)])
             positions["arm", sign, j, r, a] = centre + arm.scale * radius * (x * arm.outward + z * arm.front)
         for a, (along, wide, thick) in enumerate(_HAND_RINGS, start=len(_ARM_RINGS) + 1):
-            lateral = (j - 2) / 2
-            positions["arm", sign, j, r, a] = hand.point(along, (2 * r - 1) * thick, lateral * wide)
+            lateral = wide * (j - 2) / 2
+            bow = knuckle_bow(lateral) if a == _ARM_LEVELS else 0.0
+            positions["arm", sign, j, r, a] = hand.point(along - bow, (2 * r - 1) * thick, lateral)
     for j, (across, length, radius) in enumerate(reversed(FINGERS)):
         _knuckle, middle, tip = finger_path(hand, across, length)
         for b, centre in enumerate((middle, tip + (tip - middle) * 0.1), start=1):

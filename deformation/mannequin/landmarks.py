@@ -12,6 +12,10 @@ _SHOULDER_SHARE = 0.818
 """Height of the shoulder joint as a share of stature (Drillis and Contini 1966, in Winter)."""
 
 
+_SKULL_SHARE = 0.898
+"""Least height of the skull's base as a share of stature: some skeletons call a joint low in the neck the head."""
+
+
 @dataclass(frozen=True, eq=False)
 class Side:
     """One side of the body. sign: +1 left, -1 right. Points (3,) metres; directions (3,) unit."""
@@ -66,7 +70,8 @@ def landmarks(skeleton: Skeleton, positions: NDArray[np.float64]) -> Landmarks:
     between = (left.shoulder + right.shoulder) / 2
     stature = float(between[1]) / _SHOULDER_SHARE
     neck = positions[bones["neck"]] if "neck" in bones else between + stature * np.array([0, 0.035, 0])
-    head = positions[bones["head"]] if "head" in bones else neck + stature * np.array([0, 0.05, 0.01])
+    head = positions[bones["head"]].copy() if "head" in bones else neck + stature * np.array([0, 0.05, 0.01])
+    head[1] = max(head[1], _SKULL_SHARE * stature)
     return Landmarks(stature, left, right, neck, head)
 
 
