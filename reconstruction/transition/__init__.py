@@ -4,11 +4,13 @@ from reconstruction.transition.classification import ClassThresholds, MotionClas
 from reconstruction.transition.clip import TransitionClip, prepared
 from reconstruction.transition.methods import METHODS, transition
 from reconstruction.transition.result import Transition, joined, ready_pair
+from reconstruction.transition.sequence import Cue, sequence
 from reconstruction.transition.timing import TimeBounds
 
 __all__ = [
     "METHODS",
     "ClassThresholds",
+    "Cue",
     "MotionClass",
     "TimeBounds",
     "Transition",
@@ -16,5 +18,6 @@ __all__ = [
     "joined",
     "prepared",
     "ready_pair",
+    "sequence",
     "transition",
 ]

@@ -49,10 +49,10 @@ def classify(
     feet: (T, F, 3) metres, world positions of the ankles; clearance: (T, F) metres between each foot's lowest point and
     the floor; hip_height: (T,) metres.
     """
-    aloft = (clearance > thresholds.lift_m).all(axis=1) & (hip_height > hip_height[0] + thresholds.hip_rise_m)
-    both_off = (clearance > thresholds.lift_m).all(axis=1)
-    if any((stop - start) / fps >= thresholds.flight_s and aloft[start:stop].any() for start, stop in runs(both_off)):
-        return MotionClass.FLIGHT
+    rise = hip_height - hip_height[0]
+    for start, stop in runs(clearance.min(axis=1) > thresholds.lift_m):
+        if (stop - start) / fps >= thresholds.flight_s and rise[start:stop].max() > thresholds.hip_rise_m:
+            return MotionClass.FLIGHT
     spread = np.linalg.norm(np.ptp(feet[:, :, [0, 2]], axis=0), axis=-1)
     return MotionClass.ON_THE_SPOT if spread.max() < thresholds.spot_m else MotionClass.PLANE
 

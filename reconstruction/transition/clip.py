@@ -22,6 +22,9 @@ FOOT_LOW_M = 0.05
 """... and no higher than this above where it stands is planted."""
 
 
+GLITCH_M = 0.05
+
+
 @dataclass(frozen=True, slots=True)
 class Leg:
     """Joint indices of one leg. toes: the joints below the ankle, in order outwards."""
@@ -173,12 +176,15 @@ def _chained(skeleton: Skeleton, rotations: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _clearance(joints: NDArray[np.float64], legs: tuple[Leg, ...]) -> tuple[NDArray[np.float64], float]:
-    """(T, F) metres of each foot's lowest joint above its own ground level, and the height of the floor."""
+    """(T, F) metres of each foot's lowest joint above its own ground level, and the height of the floor.
+
+    The floor is as low as the feet go; a glitch that throws them far down does not count.
+    """
     if not legs:
         return np.zeros((len(joints), 0)), 0.0
     lowest = np.stack([joints[:, [leg.ankle, *leg.toes], 1].min(axis=1) for leg in legs], axis=1)
     ground = np.percentile(lowest, 2, axis=0)
-    return lowest - ground, float(ground.min())
+    return lowest - ground, float(max(lowest.min(), ground.min() - GLITCH_M))
 
 
 def planted_feet(feet: NDArray[np.float64], fps: float) -> NDArray[np.bool_]:

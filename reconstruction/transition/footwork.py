@@ -48,16 +48,15 @@ def planned_steps(
 
     Feet in the air land first; then planted feet that have to move; feet that the next clip has in the air lift last.
     """
-    lands_first = [f for f in range(len(out)) if not out[f] and into[f]]
-    moves = sorted((f for f in range(len(out)) if out[f] and into[f] and gaps[f] > STILL_M), key=lambda f: -gaps[f])
-    lifts_last = [f for f in range(len(out)) if out[f] and not into[f]]
-    phases = [group for group in (lands_first, *([f] for f in moves), lifts_last) if group]
+    gap = gaps.tolist()
+    lands = sorted((f for f in range(len(out)) if not out[f] and into[f]), key=gap.__getitem__)
+    moves = sorted((f for f in range(len(out)) if out[f] and into[f] and gap[f] > STILL_M), key=lambda f: -gap[f])
+    lifts = sorted((f for f in range(len(out)) if out[f] and not into[f]), key=lambda f: -gap[f])
+    phases = [*lands, *moves, *lifts]
     steps = [Step(0.0, duration, 0.0) for _ in out]
-    for k, group in enumerate(phases):
+    for k, f in enumerate(phases):
         start, stop = duration * k / len(phases), duration * (k + 1) / len(phases)
-        for f in group:
-            lifted = out[f] and into[f]
-            steps[f] = Step(start if out[f] else 0.0, stop if into[f] else duration, _lift(gaps[f]) if lifted else 0.0)
+        steps[f] = Step(start if out[f] else 0.0, stop if into[f] else duration, _lift(gap[f]))
     return steps
 
 
@@ -141,15 +140,16 @@ def raised_above_floor(
     ankles: NDArray[np.float64],
     turns: NDArray[np.float64],
     rotations: NDArray[np.float64],
-    floor_m: float,
+    floor: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """The ankles' path (N, F, 3), lifted where ankle or toes would go below the floor.
 
-    turns: (N, F, 4) world rotations of the feet; rotations: (N, J, 4) local ones, of which the toes' are used.
+    turns: (N, F, 4) world rotations of the feet; rotations: (N, J, 4) local ones, of which the toes' are used;
+    floor: (N,) metres.
     """
     raised = ankles.copy()
     for f, leg in enumerate(a.legs):
-        raised[:, f, 1] = np.maximum(ankles[:, f, 1], floor_m + _depth_below_ankle(a, leg, turns[:, f], rotations))
+        raised[:, f, 1] = np.maximum(ankles[:, f, 1], floor + _depth_below_ankle(a, leg, turns[:, f], rotations))
     return raised
 
 

@@ -18,7 +18,8 @@ class SeamFigures:
     """Of the frames from the one left to the one entered.
 
     peak_acceleration: rad/s^2, peak_jerk: rad/s^3, the largest of any joint; slide_m_s: mean skating speed of the
-    ankles; penetration_m: how far a foot goes below the floor.
+    ankles; penetration_m: how far a foot goes below the floor in the frames
+    between, which are not the clips' own.
     """
 
     peak_acceleration: float
@@ -41,7 +42,7 @@ def seam_figures(motion: Motion, first: int, last: int, floor_m: float, ankle_re
         float(np.linalg.norm(inner, axis=-1).max(initial=0)),
         float(np.linalg.norm(jerk, axis=-1).max(initial=0)),
         float(skate(joints, legs, ankle_rest_m, motion.fps)[max(first - low, 0) : last - low].mean()) if legs else 0.0,
-        float(penetration(joints[first - low : last + 1 - low], legs, floor_m).max(initial=0)),
+        float(penetration(joints[first + 1 - low : last - low], legs, floor_m).max(initial=0)),
     )
 
 

@@ -90,13 +90,25 @@ def _drafted(a: TransitionClip, at: int, b: TransitionClip, into: int, heading: 
         steps = planned_steps(out, planted, gaps, time)
         ankles = ankle_paths(a, at, b, into, placement, steps, t, time)
         feet = foot_turns(a, at, b, into, placement, steps, t, time)
-        ankles = raised_above_floor(a, ankles, feet, rotations, a.floor_m)
         settle = min(SETTLE_S, time / 2)
-        seam = quintic_weights(t, settle)[:, 0] + quintic_weights(t - (time - settle), settle)[:, 3]
+        leaving = quintic_weights(t, settle)[:, 0]
+        entering = quintic_weights(t - (time - settle), settle)[:, 3]
+        # A clip's own foot may dip below its floor: next to the seam it is let come up, not snapped up.
+        below = (max(a.floor_m - _lowest(a, at), 0.0), max(b.floor_m - _lowest(b, into), 0.0))
+        floor = a.floor_m - below[0] * leaving - below[1] * entering
+        ankles = raised_above_floor(a, ankles, feet, rotations, floor)
         hinges = a.hinges + b.hinges
         hinges /= np.linalg.norm(hinges, axis=-1, keepdims=True)
         reach_legs_kernel(
-            a.skeleton.parents, a.skeleton.offsets, a.leg_joints, positions, rotations, ankles, feet, hinges, seam
+            a.skeleton.parents,
+            a.skeleton.offsets,
+            a.leg_joints,
+            positions,
+            rotations,
+            ankles,
+            feet,
+            hinges,
+            leaving + entering,
         )
     return _Draft(positions, rotations, time, placement, _peak(a, at, b, into, placement, rotations))
 
@@ -126,6 +138,11 @@ def _gaps(a: TransitionClip, at: int, b: TransitionClip, into: int, placement: P
     ankles = [leg.ankle for leg in a.legs]
     way = placement.points(b.joints[into, ankles]) - a.joints[at, ankles]
     return np.linalg.norm(way[:, [0, 2]], axis=-1)
+
+
+def _lowest(clip: TransitionClip, frame: int) -> float:
+    """Metres: the height of the lowest joint of the feet."""
+    return float(min(clip.joints[frame, [leg.ankle, *leg.toes], 1].min() for leg in clip.legs))
 
 
 def _root_keys(a: TransitionClip, at: int, b: TransitionClip, into: int, placement: Placement) -> NDArray[np.float64]:

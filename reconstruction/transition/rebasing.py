@@ -40,6 +40,10 @@ class Placement:
         """(4,) the turn as a quaternion."""
         return about_up(np.asarray(self.yaw))
 
+    def within(self, outer: "Placement") -> "Placement":
+        """This placement in a clip that is itself placed by `outer`."""
+        return Placement(self.yaw + outer.yaw, frozen(outer.points(self.shift)))
+
     def motion(self, motion: Motion) -> Motion:
         """A whole motion of the clip, in the world."""
         rotations = motion.rotations.copy()

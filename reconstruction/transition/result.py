@@ -1,6 +1,6 @@
 """What a transition is, and the motion that it makes of two clips."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,16 @@ def joined(a: TransitionClip, at: int, transition: Transition, b: TransitionClip
     if start < len(b):
         parts.append(transition.placement.motion(cropped(b.motion, start, len(b))))
     return concatenated(parts, f"{a.motion.name}_to_{b.motion.name}")
+
+
+def seam(a: TransitionClip, at: int, transition: Transition, b: TransitionClip, into: int, margin: int) -> Motion:
+    """`joined`, but only the transition and `margin` frames before and after it, where the clips have so many."""
+    start, stop = max(at - margin, 0), into + transition.consumed + margin
+    return joined(_cut(a, start, at + 1), at - start, transition, _cut(b, 0, min(stop, len(b))), into)
+
+
+def _cut(clip: TransitionClip, start: int, stop: int) -> TransitionClip:
+    return replace(clip, motion=cropped(clip.motion, start, stop))
 
 
 def ready_pair(a: TransitionClip, b: TransitionClip) -> TransitionClip:
