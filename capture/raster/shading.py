@@ -2,12 +2,22 @@
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-_AO_TAPS = 14
+_TAPS = 14
 _AO_RADIUS_M = 0.16
-_SEARCH_TAPS, _SHADOW_TAPS = 10, 14
 _SEARCH_RADIUS_M = 0.05
 _SHADOW_BIAS_M = 0.004
+
+
+def _spirals() -> NDArray[np.float64]:
+    """(16, taps, 2) points of a sunflower spiral in the unit circle, at sixteen turns."""
+    tap, turn = np.arange(_TAPS), np.arange(16) * 7 * np.pi / 8
+    angle = turn[:, None] + 2.399963 * tap  # the golden angle
+    return np.sqrt((tap + 0.5) / _TAPS)[:, None] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+
+
+_SPIRALS = _spirals()
 
 
 @njit(cache=True, inline="always")
@@ -34,36 +44,44 @@ def _blend(values, triangle, u, v, w, axis):
 def resolve_samples(
     nearness, owner, corners, triangles, vertices, normals, colours, samples, tilt, pixels, pixel_nearness
 ):
-    """What the surface is at each pixel: pixels (H, W, 10) gets position, normal, colour (3 each) and coverage, summed.
+    """What the surface is at each pixel: pixels (H, W, 10) gets position, normal, colour (3 each) and coverage.
 
     nearness, owner: (H * samples, W * samples) from `fill_triangles` with the same corners and tilt. vertices: (V, 3)
-    metres; normals: (V, 3); colours: (V, 3) linear. Every pixel holds the mean of its covered samples; the normal looks
-    to the eye. pixel_nearness: (H, W) gets that of the nearest sample.
+    metres; normals: (V, 3); colours: (V, 3) linear. A pixel holds the mean of its covered samples, or only the first
+    where they lie so close together that no edge can run between them; the normal looks to the eye.
+    pixel_nearness: (H, W) gets that of the nearest sample.
     """
     rows, columns = pixels.shape[:2]
     for row in range(rows):
         for column in range(columns):
-            covered = 0
+            covered, nearest, farthest = 0, np.float32(0.0), np.float32(np.inf)
+            for sub in range(samples * samples):
+                y, x = row * samples + sub // samples, column * samples + sub % samples
+                if owner[y, x] >= 0:
+                    covered += 1
+                    nearest = max(nearest, nearness[y, x])
+                    farthest = min(farthest, nearness[y, x])
+            if covered == 0:
+                continue
+            pixels[row, column, 9] = covered / (samples * samples)
+            pixel_nearness[row, column] = nearest
+            wanted = 1 if nearest < 1.004 * farthest else covered
+            taken = 0
             for sub in range(samples * samples):
                 y, x = row * samples + sub // samples, column * samples + sub % samples
                 face = owner[y, x]
-                if face < 0:
+                if face < 0 or taken == wanted:
                     continue
+                taken += 1
                 triangle = triangles[face]
-                pixel_nearness[row, column] = max(pixel_nearness[row, column], nearness[y, x])
                 across = x + 0.5 + (tilt if y % 2 == 0 else -tilt)
                 down = y + 0.5 - (tilt if x % 2 == 0 else -tilt)
                 u, v, w, front = _shares(corners, triangle, across, down)
                 facing = 1.0 if front else -1.0
                 for axis in range(3):
-                    pixels[row, column, axis] += _blend(vertices, triangle, u, v, w, axis)
-                    pixels[row, column, 3 + axis] += facing * _blend(normals, triangle, u, v, w, axis)
-                    pixels[row, column, 6 + axis] += _blend(colours, triangle, u, v, w, axis)
-                covered += 1
-            if covered:
-                for value in range(9):
-                    pixels[row, column, value] /= covered
-                pixels[row, column, 9] = covered / (samples * samples)
+                    pixels[row, column, axis] += _blend(vertices, triangle, u, v, w, axis) / wanted
+                    pixels[row, column, 3 + axis] += facing * _blend(normals, triangle, u, v, w, axis) / wanted
+                    pixels[row, column, 6 + axis] += _blend(colours, triangle, u, v, w, axis) / wanted
 
 
 @njit("void(f4[:,:,::1], f8[::1], f8[:,::1], f8, f4[:,::1])", cache=True)
@@ -83,12 +101,10 @@ def occlude(pixels, eye, axes, focal, openness):
             for axis in range(3):
                 depth += (eye[axis] - here[axis]) * axes[2, axis]
             reach = min(focal * _AO_RADIUS_M / depth, 120.0)
-            turn = 0.3926990817 * ((row % 4) * 4 + column % 4) * 7.0
+            turn = (row % 4) * 4 + column % 4
             hidden = 0.0
-            for tap in range(_AO_TAPS):
-                distance = reach * np.sqrt((tap + 0.5) / _AO_TAPS)
-                angle = turn + 2.399963 * tap
-                y, x = row + int(distance * np.sin(angle)), column + int(distance * np.cos(angle))
+            for tap in range(_TAPS):
+                y, x = row + int(reach * _SPIRALS[turn, tap, 0]), column + int(reach * _SPIRALS[turn, tap, 1])
                 if y < 0 or x < 0 or y >= rows or x >= columns or pixels[y, x, 9] == 0.0:
                     continue
                 along, square = 0.0, 0.0
@@ -98,7 +114,7 @@ def occlude(pixels, eye, axes, focal, openness):
                     square += step * step
                 if square < 4.0 * _AO_RADIUS_M * _AO_RADIUS_M:
                     hidden += max(along - 0.002 * depth, 0.0) / (square + 0.0004)
-            openness[row, column] = max(0.0, 1.0 - 1.1 * _AO_RADIUS_M * hidden / _AO_TAPS) ** 1.2
+            openness[row, column] = max(0.0, 1.0 - 1.1 * _AO_RADIUS_M * hidden / _TAPS) ** 1.2
 
 
 @njit("void(f4[:,::1], f4[:,:,::1], f4[:,::1])", cache=True)
@@ -152,24 +168,23 @@ def receive_key_light(pixels, shadow, light_axes, light_origin, texels_a_metre, 
                     place[axis] += light_axes[axis, part] * off_surface
                 place[axis] -= light_origin[axis]
             u, v = place[0] * texels_a_metre, place[1] * texels_a_metre
-            turn = 0.3926990817 * ((row % 4) * 4 + column % 4) * 7.0
+            turn = (row % 4) * 4 + column % 4
+            reach = _SEARCH_RADIUS_M * texels_a_metre
             gap, found = 0.0, 0
-            for tap in range(_SEARCH_TAPS):
-                reach = _SEARCH_RADIUS_M * texels_a_metre * np.sqrt((tap + 0.5) / _SEARCH_TAPS)
-                angle = turn + 2.399963 * tap
-                above = _above(shadow, v + reach * np.sin(angle), u + reach * np.cos(angle), place[2])
+            for tap in range(_TAPS):
+                y, x = _SPIRALS[turn, tap]
+                above = _above(shadow, v + reach * y, u + reach * x, place[2])
                 if above > 0.0:
                     gap += above
                     found += 1
             if found == 0:
                 continue
-            spread = min(max(0.16 * gap / found, 0.005), _SEARCH_RADIUS_M) * texels_a_metre
+            reach = min(max(0.16 * gap / found, 0.005), _SEARCH_RADIUS_M) * texels_a_metre
             dark = 0.0
-            for tap in range(_SHADOW_TAPS):
-                reach, angle = spread * np.sqrt((tap + 0.5) / _SHADOW_TAPS), turn + 2.399963 * tap
-                above = _above(shadow, v + reach * np.sin(angle), u + reach * np.cos(angle), place[2])
-                dark += min(above / 0.004, 1.0)
-            lit[row, column] = 1.0 - dark / _SHADOW_TAPS
+            for tap in range(_TAPS):
+                y, x = _SPIRALS[turn, tap]
+                dark += min(_above(shadow, v + reach * y, u + reach * x, place[2]) / 0.004, 1.0)
+            lit[row, column] = 1.0 - dark / _TAPS
 
 
 @njit(
