@@ -24,7 +24,7 @@ from reconstruction.map_problem import MapProblem
 @dataclass(frozen=True, eq=False)
 class MapSolution:
     """q: (D,) the most probable pose; covariance_root: (D, D), C with C C^T the posterior's covariance (Laplace's
-    approximation at the start); evaluations: of the energy; energy: at q; limited: whether a joint limit holds it."""
+    approximation at the last whitening); evaluations: of the energy; energy: at q; limited: whether a joint limit holds it."""
 
     q: NDArray[np.float64]
     covariance_root: NDArray[np.float64]
@@ -38,27 +38,38 @@ class MapSolver:
 
     TOLERANCE = 1e-4
     """Relative decrease of the energy (of order 1 to D) at which to stop."""
-    MOST_EVALUATIONS = 40
+    MOST_EVALUATIONS = 20
+    """After so many it whitens anew, where it stands, ..."""
+    MOST_WHITENINGS = 4
+    """... and so many times at most: a few steps do near the prior's mean, and far from it the curvature changes."""
+
+    MOST_BOUNDED = 200
+    """Evaluations where limits hold the pose: scaled only, not whitened, they need more."""
 
     def __init__(self, body: Body, dof: int):
         self.body = body
         self._state = BodyState.of(len(body.parents))
         self._wrench = np.empty((len(body.parents), 6))
         self._room = np.empty((2, dof))
-        self._free = self._optimiser(dof)
-        self._bounded = self._optimiser(dof)
+        self._free = self._optimiser(dof, self.MOST_EVALUATIONS)
+        self._bounded = self._optimiser(dof, self.MOST_BOUNDED)
 
-    def _optimiser(self, dof: int) -> nlopt.opt:
+    def _optimiser(self, dof: int, most_evaluations: int) -> nlopt.opt:
         optimiser = nlopt.opt(nlopt.LD_LBFGS, dof)
         optimiser.set_ftol_rel(self.TOLERANCE)
-        optimiser.set_maxeval(self.MOST_EVALUATIONS)
+        optimiser.set_maxeval(most_evaluations)
         optimiser.set_vector_storage(8)
         return optimiser
 
     def solve(self, problem: MapProblem, start: NDArray[np.float64]) -> MapSolution:
         """The optimum nearest to `start` (D,). Deterministic."""
-        root = self._covariance_root(problem, start)
-        q, evaluations, energy = self._minimise(self._free, problem, start, root)
+        evaluations = 0
+        for _ in range(self.MOST_WHITENINGS):
+            root = self.covariance_root(problem, start)
+            q, count, energy = self._minimise(self._free, problem, start, root)
+            start, evaluations = q, evaluations + count
+            if count < self.MOST_EVALUATIONS:
+                break
         outside = (q < problem.lower) | (q > problem.upper)
         if not outside.any():
             return MapSolution(q, root, evaluations, energy, False)
@@ -70,7 +81,7 @@ class MapSolver:
         q = np.clip(q, problem.lower, problem.upper)
         return MapSolution(q, root, evaluations + more, energy, True)
 
-    def _covariance_root(self, problem: MapProblem, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance_root(self, problem: MapProblem, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """C (D, D), upper triangular, with C C^T = (precision + J^T J)^-1 at the start."""
         place(self.body, start, self._state)
         j = jacobian(self.body, problem.effectors, self._state, len(start))

@@ -43,6 +43,10 @@ class NeighbourIndex:
         found = numbers[0] >= 0
         return numbers[0][found], np.sqrt(np.maximum(squares[0][found], 0))
 
+    def vector(self, number: int) -> NDArray[np.float32]:
+        """The vector (F,) of a number."""
+        return self._index.reconstruct(number)
+
     def write(self, path: Path) -> None:
         """Writes the index to a file."""
         faiss.write_index(self._index, str(path))

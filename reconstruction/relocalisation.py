@@ -47,8 +47,8 @@ class Relocaliser:
     """Frames around a found row, and around its sequel, that are looked at when the pass is over."""
     CLEARLY = 0.5
     """What is found must fit this much better, as a ratio of root mean square errors, ..."""
-    AT_LEAST_M = 0.015
-    """... and by this many metres."""
+    BADLY_M = 0.03
+    """... and what is believed must be at least so many metres off."""
 
     def __init__(self, matcher: TrackerMatcher):
         self._matcher = matcher
@@ -84,7 +84,7 @@ class Relocaliser:
         if not len(found.rows):
             return None
         own = own_error(now)
-        return found if found.errors[0] < min(self.CLEARLY * own, own - self.AT_LEAST_M) else None
+        return found if own > self.BADLY_M and found.errors[0] < self.CLEARLY * own else None
 
     def _conclude(self, now: Sighting) -> Matches:
         """The best sequels of the pass's best rows, matched against where the trackers are by now."""

@@ -51,7 +51,7 @@ class SolverSettings:
     apart: int = 2
     sharpness: float = 4.0
     tracker_sigma_m: float = 0.002
-    noise_gain: float = 2.0
+    noise_gain: float = 4.0
     hold_after_s: float = 0.5
     relocalise: bool = True
     local: LocalModelSettings = field(default_factory=LocalModelSettings)
@@ -113,6 +113,8 @@ class Reconstructor:
 
     START_ROWS = 60_000
     """Rows looked at for a start: every so many-th of a large database."""
+    FEW = 4
+    """With more trackers than this the history cannot go astray."""
     FAR_M = 0.5
     """Trackers that are this far off after all were missing start anew."""
 
@@ -169,7 +171,7 @@ class Reconstructor:
         matches = self._matcher.best(Sighting(offsets, points), rows, 1)
         if not len(matches.rows):
             matches = self._matcher.best(Sighting(offsets[:1], points[:1]), rows, 1)
-        self._adopt(matches)
+        self._adopt(matches, last=-1)
 
     def solve(self, frame: TrackerFrame) -> Solution:
         """The most probable pose for the trackers of one frame."""
@@ -213,7 +215,7 @@ class Reconstructor:
         self._noise.add(frame)
         self._trackers.add(frame.positions)
         last = self._past[-1]
-        expected = seen_from(last.joints[None, self._role_joints], last.heading[None], _WORLD[None])[0]
+        expected = seen_from(self._going_on()[None], last.heading[None], _WORLD[None])[0]
         if self._last is None:
             return self._return.eased(frame, None)
         if (self._last.states != Footing.MEASURED).all() and frame.measured.any():
@@ -246,10 +248,13 @@ class Reconstructor:
     def _filled(self, positions: NDArray[np.float64], last: _Past) -> NDArray[np.float64]:
         """Tracker positions (6, 3) seen from the last heading frame, missing ones where their joints would go on to."""
         seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
-        before = self._past[-2] if len(self._past) > 1 else last
-        earlier = seen_from(before.joints[None], before.heading[None], last.heading[None])[0]
-        going_on = (2 * last.joints - earlier)[self._role_joints]
-        return np.where(np.isfinite(seen), seen, going_on)
+        return np.where(np.isfinite(seen), seen, self._going_on())
+
+    def _going_on(self) -> NDArray[np.float64]:
+        """Where (6, 3) the tracked joints come to when they move on as they did, seen from the last heading frame."""
+        before, last = self._past[-2], self._past[-1]
+        earlier = seen_from(before.joints[None, self._role_joints], before.heading[None], last.heading[None])[0]
+        return 2 * last.joints[self._role_joints] - earlier
 
     def _effectors(self, positions: NDArray[np.float64], heading: NDArray[np.float64]) -> Effectors:
         """The measured positions as points on the body, seen from a heading frame."""
@@ -268,13 +273,13 @@ class Reconstructor:
         place(self._body, q, self._state)
         return _Past(q, heading, self._state.position.copy())
 
-    def _adopt(self, matches: Matches) -> None:
-        """Takes the poses before the best matching row as the past."""
+    def _adopt(self, matches: Matches, last: int) -> None:
+        """Takes poses around the best matching row as the past, up to the one `last` frames after it."""
         row, heading = int(matches.rows[0]), matches.heading
         first = self.database.clip_of(row).first
         self._past.clear()
-        for back in range(SPAN, 0, -1):
-            before = max(row - back, first)
+        for step in range(last - SPAN + 1, last + 1):
+            before = max(row + step, first)
             q = self._poses[before].astype(np.float64)
             q[:3] *= self.scale
             own, at = self._headings[before].astype(np.float64), self._headings[row].astype(np.float64)
@@ -286,14 +291,14 @@ class Reconstructor:
 
     def _relocalise(self, frame: TrackerFrame, prediction: _Prediction) -> None:
         """Goes on looking for a better explanation of the trackers' way, and takes it where there is one."""
-        if not self.settings.relocalise or frame.measured.sum() < 2:
+        if not self.settings.relocalise or not 2 <= frame.measured.sum() <= self.FEW:
             return
         here = self._past[-1].heading / np.array([self.scale, self.scale, 1.0])
         found = self._relocaliser.look(
             self._trackers, self.scale, lambda sighting: self._matcher.error(sighting, prediction.rows, here)
         )
         if found is not None:
-            self._adopt(found)
+            self._adopt(found, last=0)
             self._easing.begin()
 
     def _sigma(self, found: MapSolution) -> NDArray[np.float64]:
