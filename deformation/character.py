@@ -1,15 +1,17 @@
 """A character: a mesh, a skeleton, and how the one hangs on the other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.heat_weights import heat_weights, separate_branches, skeleton_bones, strongest
+from deformation.heat_weights import heat_weights, separate_branches, skeleton_bones, spread, strongest
 from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
+from deformation.materials import default_softness
 from deformation.mesh import Mesh
 from deformation.skinning import Binding, bind_centres
+from deformation.volume import VolumeParts, volume_parts
 from devices.errors import SettingError
 from devices.frame import frozen
 from reconstruction.motion import Pose
@@ -43,6 +45,7 @@ class Character:
     bind: (J, 4, 4) `T_world_joint` at which the mesh stands as it is.
     vertex_joints: (V, 4) int32, vertex_weights: (V, 4), rows sum to 1, strongest first: for exchange formats and plain
         linear blending. binding: the same of the lattice's particles, which drive the mesh here.
+    parts: the lattice by joints, for the volume. softness: (P,) 0 to 1, share of the secondary motion taken.
     """
 
     name: str
@@ -53,6 +56,8 @@ class Character:
     vertex_weights: NDArray[np.float64]
     lattice: Lattice
     binding: Binding
+    parts: VolumeParts
+    softness: NDArray[np.float64]
 
     @cached_property
     def bind_inverse(self) -> NDArray[np.float64]:
@@ -66,10 +71,12 @@ def make_character(
     bind: NDArray[np.float64],
     name: str = "character",
     settings: LatticeSettings | None = None,
+    vertex_weights: NDArray[np.float64] | None = None,
 ) -> Character:
     """Binds a mesh (metres) to a skeleton that stands in it at bind (J, 4, 4), by heat in a lattice.
 
     The heat is worked out on a lattice of half the cell size, and carried from there to vertices and particles.
+    vertex_weights: (V, J), rows sum to 1, to use painted weights instead of heat.
     Raises SettingError where the settings or the mesh give no lattice.
     """
     settings = settings or LatticeSettings()
@@ -78,12 +85,26 @@ def make_character(
         fine, parents = lattice, np.arange(len(lattice.cells), dtype=np.int32)
     positions = np.ascontiguousarray(bind[:, :3, 3])
     bones = skeleton_bones(skeleton, positions, settings.bone_width * lattice.cell_size / 2, settings.bone_strength)
-    fine_weights = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
-    on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
+    if vertex_weights is not None:
+        fine_weights, on_vertices = spread(fine, vertex_weights), vertex_weights
+    else:
+        fine_weights = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
+        on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
     joints, weights = (frozen(a) for a in strongest(coarser(fine_weights, fine, lattice, parents)))
     binding = bind_centres(skeleton, positions, joints, weights)
-    return Character(name, mesh, skeleton, frozen(np.array(bind)), vertex_joints, vertex_weights, lattice, binding)
+    return Character(
+        name,
+        mesh,
+        skeleton,
+        frozen(np.array(bind)),
+        vertex_joints,
+        vertex_weights,
+        lattice,
+        binding,
+        volume_parts(lattice, binding, skeleton, positions),
+        frozen(default_softness(lattice, binding, skeleton, bones)),
+    )
 
 
 def mannequin_character(
@@ -97,6 +118,14 @@ def mannequin_character(
 
     mesh, bind = mannequin(skeleton, resolution, reference)
     return make_character(mesh, skeleton, bind, "mannequin", settings)
+
+
+def with_softness(character: Character, vertex_softness: NDArray[np.float64]) -> Character:
+    """The character with another softness, painted on its vertices: (V,) 0 to 1, else SettingError is raised."""
+    painted = np.asarray(vertex_softness, np.float64).reshape(-1, 1)
+    if len(painted) != len(character.mesh.vertices) or not ((painted >= 0) & (painted <= 1)).all():
+        raise SettingError(f"softness: give {len(character.mesh.vertices)} numbers from 0 to 1, one a vertex")
+    return replace(character, softness=frozen(spread(character.lattice, painted)[:, 0]))
 
 
 def coarser(

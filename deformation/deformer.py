@@ -1,23 +1,37 @@
 """One frame of a character: joints in, particles, vertices and normals out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deformation.character import Character
+from deformation.secondary_motion import SecondaryMotion, SecondarySettings
+from deformation.shape_matching import make_regions
 from deformation.skinning import blend, joint_motion
 from deformation.surface import Surface
+from deformation.volume import preserve
+
+_REACH_CELLS = 1.0
+"""The farthest that the volume's keeping moves a particle in one sweep, in cells."""
 
 
 @dataclass(frozen=True)
 class DeformSettings:
-    """What is done to the particles after skinning."""
+    """What is done to the particles after skinning; may be changed between frames, all but the regions.
+
+    volume: keep the volume of each part. secondary: how the flesh swings, None for not at all.
+    region_half_width: cells, 1 to 5; wider regions make the flesh move more as one.
+    """
+
+    volume: bool = True
+    secondary: SecondarySettings | None = field(default_factory=SecondarySettings)
+    region_half_width: int = 2
 
 
 @dataclass(frozen=True, eq=False)
 class DeformedMesh:
-    """A character at one moment; the arrays are the deformer's own and hold until its next frame.
+    """A character at one moment. The arrays are the deformer's own and hold until its next frame: copy what is kept.
 
     vertices: (V, 3) metres, world; normals: (V, 3) unit; particles: (P, 3) metres, world.
     """
@@ -33,19 +47,47 @@ class Deformer:
     def __init__(self, character: Character, settings: DeformSettings | None = None) -> None:
         self.character = character
         self.settings = settings or DeformSettings()
-        self._surface = Surface(character.mesh, character.lattice)
-        self._particles = np.empty_like(character.lattice.particles)
-        self._rotations = np.empty((len(self._particles), 3, 3))
-        self._vertices = np.empty_like(character.mesh.vertices)
-        self._normals = np.empty_like(character.mesh.vertices)
+        lattice, vertices = character.lattice, character.mesh.vertices
+        self._surface = Surface(character.mesh, lattice)
+        regions = make_regions(lattice, self.settings.region_half_width)
+        self._flesh = SecondaryMotion(regions, character.softness, lattice.cell_size)
+        self._particles, self._shown = np.empty_like(lattice.particles), np.empty_like(lattice.particles)
+        self._rotations = np.empty((len(lattice.particles), 3, 3))
+        self._vertices, self._normals = np.empty_like(vertices), np.empty_like(vertices)
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Has every kernel compiled, or fetched from its cache, before the first frame."""
+        for _ in range(2):
+            self.deform(self.character.bind, 1 / 30)
+        preserve(self._particles * 0.99, self._rotations, self.character.parts, 0.0)
+        self.reset()
 
     def reset(self) -> None:
         """Forgets all motion: the next frame starts at rest on its pose."""
+        self._flesh.reset()
+
+    def push(self, velocity_m_s: NDArray[np.float64], centre: NDArray[np.float64], radius_m: float) -> None:
+        """Hits the flesh: velocity (3,) metres a second at a point (3,) metres, fading out over a radius."""
+        distance = np.linalg.norm(self._particles - centre, axis=1)
+        self._flesh.push(np.clip(1 - distance / radius_m, 0, 1)[:, None] * velocity_m_s)
 
     def deform(self, T_world_joint: NDArray[np.float64], dt_s: float = 1 / 60) -> DeformedMesh:
         """The character at joints (J, 4, 4), world, dt_s seconds after the frame before."""
-        motion = joint_motion(T_world_joint, self.character.bind_inverse)
-        blend(motion, self.character.binding, self.character.lattice.particles, self._particles, self._rotations)
-        self._surface.vertices(self._particles, self._vertices)
+        self.skin(T_world_joint)
+        particles = self._particles
+        if self.settings.secondary is not None:
+            self._flesh.follow(particles, dt_s, self.settings.secondary, self._shown)
+            particles = self._shown
+        self._surface.vertices(particles, self._vertices)
         self._surface.normals(self._vertices, self._normals)
-        return DeformedMesh(self._vertices, self._normals, self._particles)
+        return DeformedMesh(self._vertices, self._normals, particles)
+
+    def skin(self, T_world_joint: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The primary deformation alone (section III): particles (P, 3) metres, valid until the next frame."""
+        character = self.character
+        motion = joint_motion(T_world_joint, character.bind_inverse)
+        blend(motion, character.binding, character.lattice.particles, self._particles, self._rotations)
+        if self.settings.volume:
+            preserve(self._particles, self._rotations, character.parts, _REACH_CELLS * character.lattice.cell_size)
+        return self._particles

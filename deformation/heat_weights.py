@@ -182,6 +182,28 @@ def heat_weights(lattice: Lattice, bones: Bones, skeleton: Skeleton) -> NDArray[
     return heat / heat.sum(axis=1, keepdims=True)
 
 
+def spread(lattice: Lattice, on_vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(P, N) values of particles whose interpolation comes near those painted on the vertices (V, N).
+
+    A particle by the surface takes the mean of the vertices in its cells; between those the values are harmonic.
+    """
+    share, corners = lattice.vertex_weights, lattice.cells[lattice.vertex_cells]
+    size = len(lattice.particles)
+    carry = csr_matrix(
+        (share.ravel(), (corners.ravel(), np.repeat(np.arange(len(share)), 8))), shape=(size, len(share))
+    )
+    total = np.asarray(carry.sum(axis=1)).ravel()
+    known = total > _EPSILON
+    values = np.zeros((size, on_vertices.shape[1]))
+    values[known] = (carry @ on_vertices)[known] / total[known, None]
+    if not known.all():
+        wt = conductance(lattice)
+        laplacian = (diags(np.asarray(wt.sum(axis=1)).ravel()) - wt).tocsr()[~known]
+        factor = splu(laplacian[:, ~known].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        values[~known] = factor.solve(-(laplacian[:, known] @ values[known]))
+    return values
+
+
 def opposite_branches(skeleton: Skeleton, positions: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """(joint, left child, right child) where a joint of the body's middle sends out two limbs to either side.
 
