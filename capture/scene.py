@@ -144,7 +144,10 @@ class Floor:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that one picture shows. title: top left; status: lines of text at the bottom left."""
+    """All that one picture shows.
+
+    title: top left; status: lines at the bottom left; figures: a table at the top right, tabs between its columns.
+    """
 
     surfaces: tuple[Surface, ...] = ()
     lines: tuple[Lines, ...] = ()
@@ -153,6 +156,7 @@ class Scene:
     floor: Floor | None = field(default_factory=Floor)
     title: str = ""
     status: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
 
     def points(self) -> NDArray[np.float64]:
         """(N, 3) every point it holds, for framing."""
@@ -181,3 +185,12 @@ def skeleton_marks(
         Lines(joints, bones, colour, width=3.0, opacity=opacity, through=0.6 * opacity),
         Spheres(turning, 0.016, colour, opacity=opacity, through=0.6 * opacity),
     )
+
+
+def ghost_marks(skeleton: Skeleton, joints: NDArray[np.float64], opacity: float = 0.35) -> Lines:
+    """Other poses as faint stick figures. joints: (K, J, 3) metres, world."""
+    children = np.flatnonzero(skeleton.parents >= 0)
+    bones = np.column_stack([skeleton.parents[children], children])
+    starts = len(skeleton) * np.arange(len(joints))
+    segments = (starts[:, None, None] + bones).reshape(-1, 2).astype(np.int32)
+    return Lines(joints.reshape(-1, 3), segments, GHOST, width=2.0, opacity=opacity, through=opacity / 2)

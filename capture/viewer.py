@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.raster import lit_colours, word_card
+from capture.raster import FIGURES_TAB, lit_colours, word_card
 from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface
 from capture.viewing import Action, Controls, FrameSource, Layers, Playback
 from capture.window_process import show_apart
@@ -226,7 +226,7 @@ class _Window:
 
     def _word_parts(self, scene: Scene) -> dict[tuple[str, int], "_Part"]:
         keys = self._controls.help() if self._controls.show_help else ()
-        wanted = (scene.title, scene.status, keys)
+        wanted = (scene.title, scene.status, scene.figures, keys)
         known, when = self._words
         now = time.perf_counter()
         if wanted != known and now - when > 1 / _WORDS_HZ:
@@ -235,6 +235,8 @@ class _Window:
                 self._cards.append((word_card((scene.title,), self._size[1], _BACKGROUND, large=True), "top"))
             if scene.status:
                 self._cards.append((word_card(scene.status, self._size[1], _BACKGROUND), "bottom"))
+            if scene.figures:
+                self._cards.append((word_card(scene.figures, self._size[1], _CARD, tab=FIGURES_TAB), "corner"))
             if keys:
                 self._cards.append((word_card(keys, self._size[1], _CARD, tab=6.0), "right"))
             self._words = (wanted, now)
@@ -425,11 +427,11 @@ def _floor_part(floor: Floor, camera: Camera, reach_m: float = 9.0) -> _Part:
 
 
 def _card_part(image: NDArray[np.uint8], camera: Camera, size: tuple[int, int], place: str) -> _Part:
-    """A picture of words, held upright before the eye: at the left of the top or bottom edge, or at the right."""
+    """A picture of words, held upright before the eye: top or bottom left, middle right, or the top right corner."""
     (width, height), (rows, columns) = size, image.shape[:2]
     margin = height / 40
-    left = width / 2 - margin - columns if place == "right" else -width / 2 + margin
-    top = {"top": height / 2 - margin, "bottom": -height / 2 + margin + rows, "right": rows / 2}[place]
+    left = width / 2 - margin - columns if place in ("right", "corner") else -width / 2 + margin
+    top = {"bottom": -height / 2 + margin + rows, "right": rows / 2}.get(place, height / 2 - margin)
     flat = np.array([[left, top - rows], [left + columns, top - rows], [left + columns, top], [left, top]])
     metres = 2 * _CARD_M * np.tan(0.5 * camera.fov) / height
     corners = camera.eye + flat * metres @ camera.axes[:2] - _CARD_M * camera.axes[2]

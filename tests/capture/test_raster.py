@@ -139,3 +139,15 @@ def test_a_contact_sheet_keeps_every_picture():
     assert (sheet[:4, 7:] == 20).all()
     assert (sheet[5:, :6] == 30).all()
     assert (sheet[5:, 7:] == 255).all()
+
+
+def test_words_stand_in_their_corners():
+    plain = render(bare(), 320, 180)
+    title = render(bare(title="title"), 320, 180) != plain
+    status = render(bare(status=("one", "two")), 320, 180) != plain
+    figures = render(bare(figures=("stage\tp50\tp99", "solve\t1.2\t3.4")), 320, 180) != plain
+    for changed, quarter in ((title, (0, 0)), (status, (1, 0)), (figures, (0, 1))):
+        rows, columns, _ = np.nonzero(changed)
+        assert rows.size
+        assert ((rows >= 90) == quarter[0]).all()
+        assert ((columns >= 160) == quarter[1]).all()

@@ -4,7 +4,17 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.scene import BONE, STATE_COLOURS, Camera, Scene, Spheres, Surface, skeleton_marks, tracker_spheres
+from capture.scene import (
+    BONE,
+    STATE_COLOURS,
+    Camera,
+    Scene,
+    Spheres,
+    Surface,
+    ghost_marks,
+    skeleton_marks,
+    tracker_spheres,
+)
 from devices.frame import TrackerFrame, TrackerState
 from reconstruction.kinematics import world_joints
 from reconstruction.standard_body import standard_skeleton
@@ -72,3 +82,11 @@ def test_scene_points_hold_every_part():
     triangle = Surface(np.eye(3), np.array([[0, 1, 2]]))
     scene = Scene(surfaces=(triangle,), spheres=(Spheres(np.zeros((2, 3))),))
     assert scene.points().shape == (5, 3)
+
+
+def test_ghosts_join_each_pose_within_itself():
+    skeleton = standard_skeleton()
+    joints = np.random.default_rng(0).normal(size=(3, len(skeleton), 3))
+    ghosts = ghost_marks(skeleton, joints)
+    assert len(ghosts.segments) == 3 * (len(skeleton) - 1)
+    assert (ghosts.segments // len(skeleton) == ghosts.segments[:, :1] // len(skeleton)).all()
