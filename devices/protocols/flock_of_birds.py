@@ -269,7 +269,7 @@ class SimulatedFlock(SimulatedDevice):
         return bytes(bird if a in self._addresses else 0 for a in range(1, _STATUS_SIZE + 1))
 
     def _records(self) -> list[bytes]:
-        """One record a bird in group mode, else the first bird's alone; a bird that is not seen sends zeros."""
+        """One record a bird in group mode, else the first bird's alone; one not seen or out of reach sends zeros."""
         records = []
         for address, sample in zip(self._addresses, self._samples, strict=False):
             body = bytearray(word_bytes(self._words(self._record[address], sample)))
@@ -279,7 +279,7 @@ class SimulatedFlock(SimulatedDevice):
 
     def _words(self, record: bytes, sample: TrackerSample) -> list[int]:
         count = next(words for command, words in RECORDS.values() if command == record)
-        if sample.position is None:
+        if sample.position is None or max(map(abs, sample.position)) > self._scale_m:
             return [0] * count
         axes = FORWARD_RIGHT_DOWN
         turn = axes.quaternion_from_rub(sample.orientation or IDENTITY)

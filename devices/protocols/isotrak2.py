@@ -142,11 +142,15 @@ class SimulatedIsotrak2(SimulatedDevice):
         return b""
 
     def _records(self) -> list[bytes]:
-        """One record for each receiver that is seen; one unplugged sends nothing."""
+        """One record for each receiver that is seen; one unplugged or out of reach sends nothing."""
         if not self._binary:
             return []
         pairs = zip(self._stations, self._samples, strict=False)
-        return [_encoded(station, sample) for station, sample in pairs if sample.position is not None]
+        return [_encoded(station, sample) for station, sample in pairs if _within_reach(sample)]
+
+
+def _within_reach(sample: TrackerSample) -> bool:
+    return sample.position is not None and max(map(abs, sample.position)) <= FULL_SCALE_M
 
 
 def _encoded(station: bytes, sample: TrackerSample) -> bytes:

@@ -29,6 +29,9 @@ _PAYLOADS = {
     FUSION: struct.Struct("<iii4h3h3h2xI4x"),
     POSITION_MM: struct.Struct("<IiiiBBH2x"),
 }
+_OTHER_KINDS = (0x0003, 0x0004, 0x0006, 0x0007, *range(0x0080, 0x0090))
+"""Raw inertial values, distances, telemetry, quality, and variants with a 64-bit clock: passed over."""
+
 _HEAD = struct.Struct("<2sHB")
 _CRC_SIZE = 2
 _MODBUS = 0xFFFF
@@ -67,7 +70,7 @@ class Marvelmind(FramedProtocol):
             return WAIT
         _, kind, length = _HEAD.unpack_from(buffer, start)
         known = _PAYLOADS.get(kind)
-        if known and known.size != length:
+        if known.size != length if known else kind not in _OTHER_KINDS:
             return DROP_ONE
         size = _HEAD.size + length + _CRC_SIZE
         if len(buffer) - start < size:

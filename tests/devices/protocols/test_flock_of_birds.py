@@ -81,6 +81,14 @@ def test_an_extended_range_transmitter_shifts_the_addresses():
     assert [packet[-1] for packet in sent] == [2, 3]
 
 
+def test_a_bird_out_of_reach_has_no_position():
+    far = TrackerSample("1", 0, (0.0, 1.6, 0.0))
+    for full_scale_in, seen in ((36, False), (72, True)):
+        protocol = FlockOfBirds(full_scale_in=full_scale_in)
+        (sample,) = decode(protocol, started(protocol, 1).measure([far]))
+        assert (sample.position is not None) == seen
+
+
 def test_zeros_are_no_position():
     (sample,) = FlockOfBirds().feed(b"\x80" + bytes(13) + b"\x01", 0)
     assert (sample.position, sample.flags) == (None, SampleFlag.SUSPECT)

@@ -7,6 +7,7 @@ import pytest
 from devices.errors import DeviceError
 from devices.linked_device import LinkedDevice
 from devices.protocols import make_protocol
+from devices.reconnecting import DeviceState, ReconnectingDevice
 from devices.registry import make_device
 from devices.sample import ROLES, TrackerSample
 from devices.simulators.pty_port import PtyPort
@@ -78,6 +79,28 @@ def test_it_starts_survives_a_crash_of_ours_and_is_read_to_the_end(name, options
     assert [(s.tracker, s.position) for chunk in chunks for s in again.feed(chunk, 0)] == [
         (s.tracker, s.position) for s in samples
     ]
+
+
+@pytest.mark.parametrize("name", ["fastrak", "viper", "ndi"])
+def test_a_replugged_and_a_restarted_device_are_taken_up_again(name, tmp_path):
+    def read_until_samples(device: ReconnectingDevice) -> bool:
+        end = time.perf_counter() + 10
+        return any(device.read(0.05).samples for _ in iter(lambda: time.perf_counter() < end, False))
+
+    with simulate_device(waving(2, 60.0), name, roles=ROLES[:2], link=tmp_path / "port") as simulator:
+        device = ReconnectingDevice(make_device(name, str(tmp_path / "port")), silent_s=0.3)
+        device.open()
+        assert read_until_samples(device)
+        simulator.unplug()
+        while device.state is DeviceState.STREAMING:
+            device.read(0.05)
+        simulator.replug()
+        assert read_until_samples(device)
+        simulator._device = make_protocol(name).simulator(ROLES[:2])  # switched off and on: all settings forgotten
+        while device.state is DeviceState.STREAMING:
+            device.read(0.05)
+        assert read_until_samples(device)
+        device.close()
 
 
 def test_a_port_with_nothing_behind_it_is_one_clear_line():

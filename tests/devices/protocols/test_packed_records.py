@@ -61,6 +61,11 @@ def test_the_isotrak_simulator_writes_the_vector_byte_for_byte():
     assert started(Isotrak2(), 1).measure([told]) == [ISOTRAK]
 
 
+def test_an_isotrak_receiver_out_of_reach_sends_nothing():
+    far = replace(POSE_A_FRD, position=(0.0, 1.7, 0.0))
+    assert started(Isotrak2(), 2).measure([far, POSE_A_FRD])[0][1:2] == b"2"
+
+
 def test_isotrak_start_says_what_the_notes_list():
     wire = Wire(Isotrak2().simulator(["a"]))
     wire.run(Isotrak2().start())
