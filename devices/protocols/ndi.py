@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from devices.axes import Axes
-from devices.errors import DeviceError, FileError
+from devices.errors import DeviceError, FileError, choice_error
 from devices.protocols._crc import crc16
 from devices.protocols._framing import DROP_ONE, WAIT, FramedProtocol, Scan
 from devices.protocols._poses import IDENTITY, plausible_position, unit_quaternion
@@ -69,7 +69,7 @@ class Ndi(FramedProtocol):
 
     binary: poll with BX, else with TX. frame_hz: how fast its frame number counts (Polaris 60, Aurora 40).
     axes: three letters for the camera's or field generator's frame as it is mounted. tool_roms: paths of the `.rom`
-    files of passive (wireless) tools; wired tools carry their own. baud: line speed that it is switched to.
+    files of passive (wireless) tools; wired tools carry their own. line_baud: speed that the device is switched to.
     """
 
     name: ClassVar[str] = "ndi"
@@ -82,7 +82,7 @@ class Ndi(FramedProtocol):
     frame_hz: float = 60.0
     axes: str = "RUB"
     tool_roms: tuple[str, ...] = ()
-    baud: int = 115200
+    line_baud: int = 115200
     _clock: Unwrapped = field(default_factory=lambda: Unwrapped(1 << 32), init=False, repr=False, compare=False)
     _last_frame: dict[int, int] = field(default_factory=dict, init=False, repr=False, compare=False)
     _polled_ns: int | None = field(default=None, init=False, repr=False, compare=False)
@@ -90,6 +90,8 @@ class Ndi(FramedProtocol):
 
     def __post_init__(self) -> None:
         self.tool_roms = tuple(self.tool_roms)
+        if self.line_baud not in _BAUD_DIGITS:
+            raise choice_error("line_baud", self.line_baud, _BAUD_DIGITS)
         self._frame = Axes(self.axes)
         self._poll = with_crc(b"BX:0001" if self.binary else b"TX:0001")
 
@@ -229,7 +231,7 @@ class Ndi(FramedProtocol):
 
     def _reach(self) -> Script:
         """Brings the line to `baud` and the device to its initialised state, from whatever state both are in."""
-        yield SetBaud(self.baud)
+        yield SetBaud(self.line_baud)
         if (yield from self._initialise()):
             return
         yield SetBaud(_POWER_UP_BAUD)
@@ -237,11 +239,11 @@ class Ndi(FramedProtocol):
         yield Receive(2.0, until=b"\r")
         if not (yield from self._initialise()):
             raise DeviceError(
-                f"no answer from {self.title} at {self.baud} or {_POWER_UP_BAUD} baud: check its power and cable"
+                f"no answer from {self.title} at {self.line_baud} or {_POWER_UP_BAUD} baud: check its power and cable"
             )
-        yield from self._must(f"COMM:{_BAUD_DIGITS.get(self.baud, '5')}0000".encode())
+        yield from self._must(f"COMM:{_BAUD_DIGITS[self.line_baud]}0000".encode())
         yield Pause(0.1)
-        yield SetBaud(self.baud)
+        yield SetBaud(self.line_baud)
 
     def _initialise(self) -> Generator[Step, bytes, bool]:
         """Ends a half-typed command and tracking left on by a crash; whether the device says it is initialised."""

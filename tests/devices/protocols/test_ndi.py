@@ -2,7 +2,7 @@
 
 import pytest
 
-from devices.errors import DeviceError, FileError
+from devices.errors import DeviceError, FileError, SettingError
 from devices.protocols.ndi import Ndi, with_crc
 from devices.protocols.protocol import Break, SetBaud, Write, run_dry
 from devices.sample import SampleFlag, TrackerSample
@@ -105,6 +105,11 @@ def test_passive_tools_are_loaded_from_their_files(tmp_path):
     assert bytes.fromhex(chunks[0][11:-5].decode() + chunks[1][11:-5].decode()) == bytes(range(100)) + bytes(28)
     with pytest.raises(FileError, match=r"tool file .*: No such file"):
         run_dry(Ndi(tool_roms=("/nowhere.rom",)).start(), iter([okay, none]))
+
+
+def test_a_speed_it_does_not_have_is_named():
+    with pytest.raises(SettingError, match="unknown line_baud 1200: use 9600, 14400"):
+        Ndi(line_baud=1200)
 
 
 def test_no_answer_and_no_tool_are_one_clear_line():
