@@ -159,8 +159,8 @@ def breadth(body: Landmarks, height: float) -> float:
     return float(np.interp(height, (0.58, 0.70), (low, high)))
 
 
-def body_field(body: Landmarks, finger_blend: float = 0.0025) -> Field:
-    """The whole body as one implicit surface. finger_blend: metres over which neighbouring fingers melt together."""
+def body_field(body: Landmarks, finger_blend: float = 0.003) -> Field:
+    """The whole body as one implicit surface. finger_blend: share of stature over which fingers melt together."""
     torso, head = _torso(body), _head(body)
     sides = [(_leg(body, side), _arm(body, side), _hand(body, side, finger_blend)) for side in body.sides]
     unit = body.stature
@@ -248,7 +248,7 @@ def _hand(body: Landmarks, side: Side, finger_blend: float) -> Field:
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         value = fingers[0](points)
         for finger in fingers[1:]:
-            value = smooth_union(value, finger(points), finger_blend)
+            value = smooth_union(value, finger(points), finger_blend * unit)
         value = smooth_union(value, palm(points), 0.008 * unit)
         return smooth_union(value, thumb(points), 0.013 * unit)
 

@@ -13,6 +13,10 @@ _SHARE = 0.6
 """Of the way to its neighbours' mean that a vertex goes in a round."""
 
 
+_LEAST_FACING = -0.2
+"""Cosine between a quad's corner and the surface below which it counts as folded."""
+
+
 @dataclass(frozen=True, eq=False)
 class Patchwork:
     """Divided faces. vertices: (V, 3) metres; grids: one (n + 1, m + 1) array of vertex indices a face."""
@@ -112,6 +116,31 @@ def relax(patches: Patchwork, field: Field, rounds: int, still: tuple[str, ...] 
         vertices[moving], normals = project(field, vertices[moving] + step)
     vertices[moving], _ = project(field, vertices[moving])
     return Patchwork(patches.faces, vertices, patches.grids)
+
+
+def unfold(patches: Patchwork, field: Field, rounds: int = 12) -> Patchwork:
+    """Vertices at quads that look against the surface (in narrow webs, between fingers) smoothed until none does."""
+    vertices, quads = patches.vertices.copy(), patches.quads()
+    mean = _neighbour_mean(quads, len(vertices))
+    _, normals = project(field, vertices)
+    for _ in range(rounds):
+        folded = np.unique(quads[_against(vertices, quads, normals)])
+        if not len(folded):
+            break
+        around = np.unique(mean[folded].indices)
+        vertices[around] += _SHARE * ((mean @ vertices)[around] - vertices[around])
+    return Patchwork(patches.faces, vertices, patches.grids)
+
+
+def _against(
+    vertices: NDArray[np.float64], quads: NDArray[np.int32], normals: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(Q,) whether a quad has a corner that turns away from the surface's normal (V, 3) there."""
+    corners = vertices[quads]
+    before, after = np.roll(corners, 1, axis=1) - corners, np.roll(corners, -1, axis=1) - corners
+    turn = np.cross(after, before)
+    turn /= np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-12)
+    return (np.einsum("qci,qci->qc", turn, normals[quads]) < _LEAST_FACING).any(axis=1)
 
 
 def _neighbour_mean(quads: NDArray[np.int32], count: int) -> csr_array:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from deformation.bind_pose import bind_pose
 from deformation.mannequin.body import body_field
 from deformation.mannequin.cage import corner_positions, outer_faces
-from deformation.mannequin.fitting import Patchwork, corner_grids, divide, relax
+from deformation.mannequin.fitting import Patchwork, corner_grids, divide, relax, unfold
 from deformation.mannequin.landmarks import landmarks
 from deformation.mesh import Mesh, all_quads
 from devices.errors import choice_error
@@ -50,7 +50,7 @@ def mannequin(
     coarser, finest = _scales(resolution)
     for scale in coarser:
         shapes = relax(divide(faces, shapes, _counts(scale)), field, rounds=15, still=_COARSE_STILL).shapes()
-    patches = relax(divide(faces, shapes, _counts(finest)), field, rounds=6)
+    patches = unfold(relax(divide(faces, shapes, _counts(finest)), field, rounds=6), field)
     return all_quads(patches.vertices, patches.quads()), frozen(transforms)
 
 
