@@ -46,7 +46,7 @@ def align(first: TrackerPath, second: TrackerPath) -> RoomAlignment:
     spread = np.linalg.svd(moments - moments.mean(0), compute_uv=False) / np.sqrt(len(moments))
     if spread[1] < _LEAST_SPREAD_M:
         raise DeviceError(
-            f"the wave went along a line (only {spread[1] * 100:.0f} cm across it): draw large circles, in all directions"
+            f"the wave is a line (only {spread[1] * 100:.0f} cm across it): draw large circles in all directions"
         )
     rotation, translation = _rigid(inside, moments)
     for _ in range(2):
@@ -60,13 +60,16 @@ def align(first: TrackerPath, second: TrackerPath) -> RoomAlignment:
     return RoomAlignment(RoomTransform(quaternion, tuple(translation.tolist())), residual, float(keep.mean()))
 
 
+def _near(placed: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.bool_]:
+    distance = np.linalg.norm(placed - moments, axis=1)
+    return distance <= max(_TRIM * float(np.median(distance)), 1e-6)
+
+
 def _together(first: TrackerPath, second: TrackerPath) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(M, 3) places of the second tracker and of the first at the second's times, where both were seen."""
-    after = (
-        np.clip(np.searchsorted(first.times, second.times), 1, len(first.times) - 1) if len(first.times) > 1 else None
-    )
-    if after is None:
+    if len(first.times) < 2:
         return np.empty((0, 3)), np.empty((0, 3))
+    after = np.clip(np.searchsorted(first.times, second.times), 1, len(first.times) - 1)
     gap = first.times[after] - first.times[after - 1]
     both = (second.times >= first.times[0]) & (second.times <= first.times[-1]) & (gap <= _LONGEST_GAP_S)
     there = np.stack([np.interp(second.times, first.times, first.positions[:, axis]) for axis in range(3)], 1)

@@ -22,7 +22,7 @@ def device_path(rotation: Rotation, translation, rate_hz: float, noise_m: float,
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32))
+@given(st.integers(0, 2**32 - 1))
 def test_any_place_is_found_within_the_noise(seed):
     rng = np.random.default_rng(seed)
     rotation, translation = Rotation.random(random_state=seed), rng.uniform(-3, 3, 3)
@@ -48,7 +48,7 @@ def test_outliers_and_gaps_are_set_aside():
 def test_a_wave_along_a_line_or_too_short_is_refused():
     times = np.arange(0, 6, 1 / 60)
     line = TrackerPath(times, np.outer(np.sin(times), [1.0, 0.2, 0.0]))
-    with pytest.raises(DeviceError, match="along a line"):
+    with pytest.raises(DeviceError, match="is a line"):
         align(line, line)
     short = TrackerPath(times[:10], circles(times[:10]))
     for path in (short, TrackerPath(np.empty(0), np.empty((0, 3)))):
