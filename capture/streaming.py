@@ -7,6 +7,7 @@ and VRChat use, is left-handed with the performer's left at -X: ours mirrored in
 import json
 import socket
 import struct
+import time
 from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
@@ -16,8 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from deformation.bind_pose import bind_pose
 from devices.errors import SettingError, choice_error
+from devices.progress import Progress, no_progress
 from reconstruction.kinematics import world_transforms
-from reconstruction.motion import Pose
+from reconstruction.motion import Motion, Pose
 from reconstruction.skeleton import Skeleton
 
 Encoder = Callable[[float, NDArray[np.float64]], list[bytes]]
@@ -70,6 +72,21 @@ def open_stream(address: str, skeleton: Skeleton, reference: Pose | None = None)
         raise choice_error("stream scheme", parts.scheme, _SCHEMES)
     encoder, usual_port = _SCHEMES[parts.scheme]
     return PoseStream(parts.hostname or "127.0.0.1", port or usual_port, encoder(skeleton, reference))
+
+
+def stream_motion(
+    motion: Motion, streams: Sequence[PoseStream], loop: bool = False, progress: Progress = no_progress
+) -> None:
+    """Sends a motion's poses at their own times, once or, with `loop`, until it is interrupted."""
+    joints = world_transforms(motion.skeleton, motion.root_positions, motion.rotations)
+    start, number = time.perf_counter(), 0
+    while loop or number < len(motion):
+        due = number / motion.fps
+        time.sleep(max(start + due - time.perf_counter(), 0.0))
+        for stream in streams:
+            stream.send(due, joints[number % len(motion)])
+        number += 1
+        progress((number - 1) % len(motion) + 1, len(motion))
 
 
 class VmcEncoder:

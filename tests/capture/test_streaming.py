@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from capture.streaming import JsonEncoder, VmcEncoder, VrchatEncoder, open_stream
 from devices.errors import SettingError
 from reconstruction.kinematics import world_transforms
+from reconstruction.motion import Motion
+from reconstruction.motion_files import write_bvh
 from reconstruction.skeleton import Skeleton
 from reconstruction.standard_body import standard_skeleton
 
@@ -174,6 +176,29 @@ def test_a_stream_reaches_its_address(scheme):
         assert len(receiver.recv(65536)) > 200
         assert stream.sent >= 1
         stream.close()
+
+
+def test_the_command_sends_every_pose_of_a_motion(tmp_path):
+    import typer
+    from typer.testing import CliRunner
+
+    from capture.commands.stream import stream
+
+    motion = Motion(SKELETON, np.tile([0.0, 0.95, 0.0], (6, 1)), np.tile(T_POSE, (6, 1, 1)), 120.0)
+    write_bvh(motion, tmp_path / "still.bvh")
+    app = typer.Typer()
+    app.command()(stream)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5)
+        address = f"json://127.0.0.1:{receiver.getsockname()[1]}"
+        done = CliRunner().invoke(app, [str(tmp_path / "still.bvh"), "--to", address])
+        assert done.exit_code == 0, done.output
+        assert "6 datagrams sent, 0 not taken" in done.output
+        poses = [json.loads(receiver.recv(65536)) for _ in range(6)]
+    assert [p["number"] for p in poses] == list(range(6))
+    assert poses[5]["time_s"] == pytest.approx(5 / 120, abs=1e-5)
+    assert np.allclose(poses[0]["joints"]["Hips"][:3], [0, 0.95, 0])
 
 
 def test_nobody_listening_harms_nobody():
