@@ -1,13 +1,16 @@
 """Where a second device stands: found by waving one tracker of each together."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from devices.clock_map import ClockMap
 from devices.errors import DeviceError
 from devices.room import RoomTransform
+from devices.sample import SampleFlag, TrackerSample
 
 _LEAST_MOMENTS = 30
 _LEAST_SPREAD_M = 0.05
@@ -21,6 +24,20 @@ class TrackerPath:
 
     times: NDArray[np.float64]
     positions: NDArray[np.float64]
+
+
+def tracker_path(samples: Iterable[TrackerSample], tracker: str) -> TrackerPath:
+    """The path of one tracker in a device's samples, by its own clock where it has one."""
+    clock = ClockMap()
+    times, positions = [], []
+    for sample in samples:
+        time_ns = sample.host_time_ns
+        if sample.device_time_s is not None:
+            time_ns = clock.host_ns(sample.device_time_s, time_ns)
+        if sample.tracker == tracker and sample.position is not None and not sample.flags & SampleFlag.HELD:
+            times.append(time_ns * 1e-9)
+            positions.append(sample.position)
+    return TrackerPath(np.array(times), np.array(positions).reshape(-1, 3))
 
 
 @dataclass(frozen=True, slots=True)

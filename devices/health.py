@@ -12,7 +12,9 @@ from devices.sample import TrackerSample
 
 _STILL_S = 1.0
 """Noise is measured in stretches of this length in which the tracker hardly moved."""
-_STILL_SPEED_M_S = 0.05
+_PARTS = 6
+_STILL_M = 0.05
+"""A tracker rests when the middles of the parts of such a stretch are within this of each other."""
 _MOST_LOST = 0.05
 _MOST_JITTER_PERIODS = 0.5
 _MOST_NOISE_MM = 5.0
@@ -92,9 +94,8 @@ def _noise_mm(samples: list[TrackerSample]) -> float | None:
         if times[end] - times[0] < _STILL_S or end - start < 10:
             continue
         stretch = positions[start : end + 1]
-        third = max(1, len(stretch) // 3)
-        moved = float(np.linalg.norm(stretch[-third:].mean(0) - stretch[:third].mean(0)))
-        if moved < _STILL_SPEED_M_S * _STILL_S:
+        parts = np.array([part.mean(0) for part in np.array_split(stretch, _PARTS)])
+        if np.ptp(parts, axis=0).max() < _STILL_M:
             spreads.append(float(np.sqrt(stretch.var(0).sum())))
     # Of all restful stretches a quiet one: the least of them would flatter.
     return float(np.percentile(spreads, 25)) * 1000 if spreads else None

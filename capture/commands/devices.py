@@ -57,6 +57,128 @@ def _no_use(port: object) -> str:
     return why_no_position(port.vendor_id, port.product_id) or ""  # type: ignore[attr-defined]
 
 
+def doctor(
+    device: Annotated[str, typer.Argument(help="Which device; `sixpoint devices` lists them.")] = "generic",
+    port: Annotated[str, typer.Option(help="Its port, or socket://host:port; empty to look for it.")] = "",
+    baud: Annotated[int | None, typer.Option(help="Bits a second; else what the device prefers.")] = None,
+    seconds: Annotated[float, typer.Option(min=2, max=3600, help="How long to listen.")] = 8.0,
+    assign: Annotated[bool, typer.Option("--assign", help="Find who wears what: walk forward meanwhile.")] = False,
+    roles: Annotated[str | None, typer.Option(help="With --assign: the roles that are worn, with commas.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure a device: rate, loss, jitter, noise at rest and clock drift of each tracker, with a verdict.
+
+    Let the trackers lie still for a while for the noise, or walk straight ahead for `--assign`.
+    """
+    from capture.diagnosis import listen
+    from capture.progress import progress_bar
+    from devices.assignment import find_assignment
+    from devices.errors import DeviceError
+    from devices.health import diagnose
+    from devices.registry import make_device
+
+    opened = make_device(device, port, baud=baud)
+    worn = tuple(role.strip() for role in roles.split(",")) if roles else None
+    opened.open()
+    try:
+        with progress_bar("walk straight ahead" if assign else "listening") as progress:
+            (samples,) = listen([opened], seconds, progress)
+    finally:
+        opened.close()
+    if not samples:
+        raise DeviceError(f"{opened.link.where}: {opened.protocol.title} sends nothing; check power, baud rate, cable")
+    counters = opened.protocol.counters
+    trackers = diagnose(samples, opened.protocol.rate_hz, counters.missed)
+    found = find_assignment(samples, worn) if assign else None
+    if as_json:
+        report = {
+            "device": device,
+            "port": opened.link.where,
+            "trackers": [tracker.figures() for tracker in trackers],
+            "bytes_dropped": counters.bytes_dropped,
+            "bad_frames": counters.bad_frames,
+            "smoothing_lag_ms": _smoothing_lag_ms(opened.protocol.rate_hz),
+        }
+        if found:
+            report["assignment"] = {"roles": found.roles, "certainty": found.certainty, "walked": found.walked}
+        print(json.dumps(report))
+        return
+    print(f"{opened.protocol.title} at {opened.link.where}")
+    print("tracker   rate Hz   lost   jitter ms   noise mm   drift ppm   verdict")
+    for t in trackers:
+        print(
+            f"{t.tracker:<8} {t.rate_hz:>8.1f} {t.lost:>6.1%} {t.jitter_ms:>11.2f} {_or_dash(t.noise_mm):>10}"
+            f" {_or_dash(t.drift_ppm):>11}   {t.verdict}"
+        )
+    if counters.bytes_dropped or counters.bad_frames:
+        print(
+            f"{counters.bytes_dropped} bytes of no frame, {counters.bad_frames} damaged frames: check cable and baud rate"
+        )
+    lag = _smoothing_lag_ms(opened.protocol.rate_hz)
+    print("One-Euro smoothing delays by " + ", ".join(f"{ms:.0f} ms at {speed} m/s" for speed, ms in lag.items()))
+    if found:
+        print("\n[device.trackers]")
+        for tracker, role in found.roles.items():
+            print(f'"{tracker}" = "{role}"')
+        sure = "" if found.walked else "; left and right are a guess: walk straight ahead next time"
+        print(f"# certainty {found.certainty:.0%}{sure}")
+
+
+def _smoothing_lag_ms(rate_hz: float) -> dict[str, float]:
+    from devices.filters import OneEuroSettings, measured_lag_s
+
+    settings = OneEuroSettings()
+    return {str(speed): round(1000 * measured_lag_s(settings, speed, rate_hz), 1) for speed in (0.1, 0.5, 2.0)}
+
+
+def _or_dash(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def align(
+    device: Annotated[str, typer.Argument(help="The device whose place is sought.")],
+    reference: Annotated[str, typer.Argument(help="The device whose axes are the room's.")],
+    port: Annotated[str, typer.Option(help="Port of the device.")] = "",
+    reference_port: Annotated[str, typer.Option(help="Port of the reference.")] = "",
+    tracker: Annotated[str, typer.Option(help="The device's tracker in your hand.")] = "1",
+    reference_tracker: Annotated[str, typer.Option(help="The reference's tracker in the same hand.")] = "1",
+    seconds: Annotated[float, typer.Option(min=2, max=120, help="How long to wave.")] = 8.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Find where a second device stands: hold one tracker of each in one hand and draw large circles.
+
+    Prints the place for session.toml, and by how much the two disagree when it is used.
+    """
+    from contextlib import ExitStack
+
+    from scipy.spatial.transform import Rotation
+
+    from capture.diagnosis import listen
+    from capture.progress import progress_bar
+    from devices.alignment import align as align_paths
+    from devices.alignment import tracker_path
+    from devices.registry import make_device
+
+    pair = (make_device(device, port), make_device(reference, reference_port))
+    with ExitStack() as closing, progress_bar("draw large circles") as progress:
+        for opened in pair:
+            opened.open()
+            closing.callback(opened.close)
+        waved, known = listen(pair, seconds, progress)
+    found = align_paths(tracker_path(known, reference_tracker), tracker_path(waved, tracker))
+    yaw, pitch, roll = Rotation.from_quat(found.room.rotation).as_euler("YXZ", degrees=True)
+    if as_json:
+        place = {"rotation_xyzw": found.room.rotation, "translation_m": found.room.translation}
+        print(json.dumps(place | {"residual_mm": 1000 * found.residual_m, "used": found.used}))
+        return
+    x, y, z = found.room.translation
+    print(f"room_translation_m = [{x:.3f}, {y:.3f}, {z:.3f}]")
+    print(f"room_yaw_deg = {yaw:.1f}")
+    print(
+        f"# tilt {pitch:.1f} and {roll:.1f} degrees; the trackers keep {1000 * found.residual_m:.0f} mm from each other"
+    )
+
+
 def simulate(
     motion: Annotated[Path, typer.Argument(help="A motion (.bvh, .amc), tracks (.csv) or a take (.mcap).")],
     device: Annotated[str, typer.Option(help="Which device to be; `sixpoint devices` lists them.")] = "generic",
