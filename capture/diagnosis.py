@@ -12,7 +12,7 @@ _WARM_UP_S = 0.3
 
 
 def listen(devices: Sequence[Driver], seconds: float, progress: Progress = no_progress) -> list[list[TrackerSample]]:
-    """What each open device says in that time, without what had piled up before. Raises DeviceLost where one is gone."""
+    """What each open device says in that time, without what piled up before. Raises DeviceLost where one is gone."""
     warm = time.perf_counter() + _WARM_UP_S
     while time.perf_counter() < warm:
         for device in devices:

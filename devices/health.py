@@ -47,7 +47,7 @@ class TrackerHealth:
 
 
 def diagnose(samples: Sequence[TrackerSample], expected_hz: float, missed: int = 0) -> list[TrackerHealth]:
-    """The health of every tracker in a device's samples, in the order in which they first came.
+    """The health of every tracker in a device's samples, sorted by its name.
 
     expected_hz: samples a second that the device should give of each. missed: samples of all trackers that running
     numbers say were lost on the way.
@@ -55,7 +55,7 @@ def diagnose(samples: Sequence[TrackerSample], expected_hz: float, missed: int =
     by_tracker: dict[str, list[TrackerSample]] = defaultdict(list)
     for sample in samples:
         by_tracker[sample.tracker].append(sample)
-    return [_health(tracker, own, expected_hz, missed / len(by_tracker)) for tracker, own in by_tracker.items()]
+    return [_health(tracker, own, expected_hz, missed / len(by_tracker)) for tracker, own in sorted(by_tracker.items())]
 
 
 def _health(tracker: str, samples: list[TrackerSample], expected_hz: float, missed: float) -> TrackerHealth:

@@ -111,9 +111,7 @@ def doctor(
             f" {_or_dash(t.drift_ppm):>11}   {t.verdict}"
         )
     if counters.bytes_dropped or counters.bad_frames:
-        print(
-            f"{counters.bytes_dropped} bytes of no frame, {counters.bad_frames} damaged frames: check cable and baud rate"
-        )
+        print(f"{counters.bytes_dropped} stray bytes, {counters.bad_frames} damaged frames: check cable and baud rate")
     lag = _smoothing_lag_ms(opened.protocol.rate_hz)
     print("One-Euro smoothing delays by " + ", ".join(f"{ms:.0f} ms at {speed} m/s" for speed, ms in lag.items()))
     if found:
