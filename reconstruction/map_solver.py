@@ -23,8 +23,11 @@ from reconstruction.map_problem import MapProblem
 
 @dataclass(frozen=True, eq=False)
 class MapSolution:
-    """q: (D,) the most probable pose; covariance_root: (D, D), C with C C^T the posterior's covariance (Laplace's
-    approximation at the last whitening); evaluations: of the energy; energy: at q; limited: whether a joint limit holds it."""
+    """The most probable pose.
+
+    q: (D,); energy: at q; evaluations: of the energy; limited: whether a joint limit holds it;
+    covariance_root: (D, D), C with C C^T the posterior's covariance, in Laplace's approximation.
+    """
 
     q: NDArray[np.float64]
     covariance_root: NDArray[np.float64]
@@ -40,8 +43,8 @@ class MapSolver:
     """Relative decrease of the energy (of order 1 to D) at which to stop."""
     MOST_EVALUATIONS = 20
     """After so many it whitens anew, where it stands, ..."""
-    MOST_WHITENINGS = 4
-    """... and so many times at most: a few steps do near the prior's mean, and far from it the curvature changes."""
+    MOST_FREE = 80
+    """... up to so many: a handful does near the prior's mean, but far from it the curvature changes."""
 
     MOST_BOUNDED = 200
     """Evaluations where limits hold the pose: scaled only, not whitened, they need more."""
@@ -63,13 +66,12 @@ class MapSolver:
 
     def solve(self, problem: MapProblem, start: NDArray[np.float64]) -> MapSolution:
         """The optimum nearest to `start` (D,). Deterministic."""
-        evaluations = 0
-        for _ in range(self.MOST_WHITENINGS):
-            root = self.covariance_root(problem, start)
-            q, count, energy = self._minimise(self._free, problem, start, root)
-            start, evaluations = q, evaluations + count
-            if count < self.MOST_EVALUATIONS:
-                break
+        root = self.covariance_root(problem, start)
+        q, evaluations, energy = self._minimise(self._free, problem, start, root)
+        while evaluations % self.MOST_EVALUATIONS == 0 and evaluations < self.MOST_FREE:
+            root = self.covariance_root(problem, q)
+            q, more, energy = self._minimise(self._free, problem, q, root)
+            evaluations += more
         outside = (q < problem.lower) | (q > problem.upper)
         if not outside.any():
             return MapSolution(q, root, evaluations, energy, False)

@@ -8,19 +8,22 @@ from time import perf_counter_ns
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.errors import SettingError
+from devices.errors import SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
+from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
 from reconstruction.likelihood import Effectors
-from reconstruction.local_model import LocalModelSettings, gather, local_prior
-from reconstruction.map_problem import GaussianPrior, MapProblem
+from reconstruction.local_model import LocalModelSettings
+from reconstruction.map_problem import MapProblem
 from reconstruction.map_solver import MapSolution, MapSolver
 from reconstruction.motion import Motion, Pose
 from reconstruction.motion_operations import leg_length
+from reconstruction.paper_predictor import PaperPredictor
 from reconstruction.pose_space import ROOT_DOF
+from reconstruction.prediction import Prediction, Predictor, SolvedPose
 from reconstruction.relocalisation import OFFSETS, Relocaliser, TrackerHistory
 from reconstruction.skeleton import Skeleton
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
@@ -35,25 +38,21 @@ _WORLD = np.zeros(3)
 class SolverSettings:
     """How a frame is solved.
 
-    neighbours: K, 8 to 256.
-    candidates: windows retrieved before near duplicates are thinned out, at least `neighbours`.
-    apart: frames, how far two neighbours of one clip must be from each other, at least 1.
-    sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
+    method: "default", or "paper" for the reconstruction paper to the letter (`paper_predictor`).
     tracker_sigma_m: metres, least standard deviation of a measured position, above 0.
     noise_gain: the measured noise of the trackers counts this many times as their standard deviation, 0 or more.
     hold_after_s: seconds without any tracker after which the pose is held.
     relocalise: whether to look for the way back (`relocalisation`).
-    local: how the neighbours become a Gaussian.
+    neighbours: how they are chosen, in the default method.
+    local: how they become a Gaussian, in the default method.
     """
 
-    neighbours: int = 64
-    candidates: int = 256
-    apart: int = 2
-    sharpness: float = 4.0
+    method: str = "default"
     tracker_sigma_m: float = 0.002
     noise_gain: float = 4.0
     hold_after_s: float = 0.5
     relocalise: bool = True
+    neighbours: NeighbourSettings = field(default_factory=NeighbourSettings)
     local: LocalModelSettings = field(default_factory=LocalModelSettings)
 
 
@@ -86,24 +85,6 @@ class Reconstruction:
     milliseconds: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class _Past:
-    """A solved pose: q (D,) seen from its own heading frame (3,), and its joints (J, 3) metres seen from there."""
-
-    q: NDArray[np.float64]
-    heading: NDArray[np.float64]
-    joints: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Prediction:
-    """A prior with the database rows (K,) it comes from, and how well they cover this moment."""
-
-    prior: GaussianPrior
-    rows: NDArray[np.int64]
-    coverage: float
-
-
 class Reconstructor:
     """Solves frames that come one database period apart, on a body with the database's joints.
 
@@ -134,10 +115,9 @@ class Reconstructor:
         self._solver = MapSolver(self._body, self.space.dof)
         self._role_joints = np.array([skeleton.role_joint(role) for role in ROLES], np.int64)
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
-        self._windows = np.asarray(database.windows)
-        self._clip_of_window = np.searchsorted(database.firsts, self._windows, side="right")
         self._lower, self._upper = np.asarray(database.bounds, np.float64).T.copy()
         self._lower[:ROOT_DOF], self._upper[:ROOT_DOF] = -np.inf, np.inf
+        self._predictor = _predictor(database, self.scale, self.settings)
         self._matcher = TrackerMatcher(database)
         self._relocaliser = Relocaliser(self._matcher)
         self._return = TrackerReturn()
@@ -152,7 +132,7 @@ class Reconstructor:
 
     def reset(self) -> None:
         """Forgets the past: the next frame starts anew."""
-        self._past: deque[_Past] = deque(maxlen=SPAN)
+        self._past: deque[SolvedPose] = deque(maxlen=SPAN)
         self._trackers = TrackerHistory()
         self._noise = NoiseMeter()
         self._return.reset()
@@ -184,7 +164,7 @@ class Reconstructor:
             self.start([frame])
         positions = self._eased(frame)
         heading = self._past[-1].heading
-        prediction = self._predicted(positions)
+        prediction = self._predictor.predict(self._past, self._filled(positions))
         predicted = perf_counter_ns()
         effectors = self._effectors(positions, heading)
         problem = MapProblem(self._body, prediction.prior, effectors, self._lower, self._upper)
@@ -226,28 +206,9 @@ class Reconstructor:
                 return self._return.eased(frame, None)
         return self._return.eased(frame, expected)
 
-    def _predicted(self, positions: NDArray[np.float64]) -> _Prediction:
-        """The prior from windows like the last poses and these trackers, seen from the last pose's heading frame."""
-        s = self.settings
-        last, earliest = self._past[-1], self._past[0]
-        earlier = seen_from(earliest.joints[None], earliest.heading[None], last.heading[None])
-        trackers = self._filled(positions, last)[None]
-        seen = (last.q[None, 3:], last.joints[None] / self.scale, earlier / self.scale, trackers / self.scale)
-        numbers, distances = self.database.index.nearest(self.database.features.features(*seen)[0], s.candidates)
-        keep = _thinned(self._windows[numbers], self._clip_of_window[numbers], s.apart, s.neighbours)
-        rows, distances = self._windows[numbers[keep]].astype(np.int64), distances[keep]
-        following = gather(rows, 0, self._poses, self._headings)
-        before = gather(rows, 1, self._poses, self._headings)
-        following[:, :3] *= self.scale
-        before[:, :3] *= self.scale
-        coverage = float(distances[: max(1, len(distances) // 8)].mean() / self.database.spacing)
-        weights = _weights(distances, s.sharpness)
-        prior = local_prior(following, following - before, weights, last.q, max(1.0, coverage / 2), s.local)
-        return _Prediction(prior, rows, coverage)
-
-    def _filled(self, positions: NDArray[np.float64], last: _Past) -> NDArray[np.float64]:
+    def _filled(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Tracker positions (6, 3) seen from the last heading frame, missing ones where their joints would go on to."""
-        seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
+        seen = seen_from(positions[None], _WORLD[None], self._past[-1].heading[None])[0]
         return np.where(np.isfinite(seen), seen, self._going_on())
 
     def _going_on(self) -> NDArray[np.float64]:
@@ -269,9 +230,9 @@ class Reconstructor:
         q = self.space.coordinates(pose.root_position[None], pose.rotations[None], heading)[0]
         self._past.append(self._placed(q, heading))
 
-    def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> _Past:
+    def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
         place(self._body, q, self._state)
-        return _Past(q, heading, self._state.position.copy())
+        return SolvedPose(q, heading, self._state.position.copy())
 
     def _adopt(self, matches: Matches, last: int) -> None:
         """Takes poses around the best matching row as the past, up to the one `last` frames after it."""
@@ -289,7 +250,7 @@ class Reconstructor:
             self._past.append(self._placed(q, np.array([self.scale * x, self.scale * z, yaw])))
         self._relocaliser.reset()
 
-    def _relocalise(self, frame: TrackerFrame, prediction: _Prediction) -> None:
+    def _relocalise(self, frame: TrackerFrame, prediction: Prediction) -> None:
         """Goes on looking for a better explanation of the trackers' way, and takes it where there is one."""
         if not self.settings.relocalise or not 2 <= frame.measured.sum() <= self.FEW:
             return
@@ -317,6 +278,18 @@ class Reconstructor:
         for number, positions in enumerate(tracks):
             self.solve(TrackerFrame(number / self.database.fps, positions * self.scale, unknown, states))
         self.reset()
+
+
+METHODS = ("default", "paper")
+
+
+def _predictor(database: MotionDatabase, scale: float, settings: SolverSettings) -> Predictor:
+    """The prior of the method in the settings. Raises SettingError naming the methods there are."""
+    if settings.method == "default":
+        return DefaultPredictor(database, scale, settings.neighbours, settings.local)
+    if settings.method == "paper":
+        return PaperPredictor(database, scale)
+    raise choice_error("method", settings.method, METHODS)
 
 
 def reconstruct(
@@ -349,24 +322,3 @@ def reconstruct(
         frozen(np.array([s.states for s in solutions])),
         frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
     )
-
-
-def _weights(distances: NDArray[np.floating], sharpness: float) -> NDArray[np.float64]:
-    """(K,) Gaussian weights (eq. 7) that sum to one, as wide as the distances are typically beyond the nearest."""
-    width = max(float(np.median(distances)), 1e-6)
-    weights = np.exp(-0.5 * sharpness * ((distances.astype(np.float64) / width) ** 2))
-    return weights / weights.sum()
-
-
-def _thinned(rows: NDArray[np.int32], clips: NDArray[np.int64], apart: int, count: int) -> NDArray[np.int64]:
-    """Places of at most `count` rows, in order, none nearer than `apart` frames to a better one of its clip."""
-    kept: list[int] = []
-    taken: set[tuple[int, int]] = set()
-    for number, (row, clip) in enumerate(zip(rows.tolist(), clips.tolist(), strict=True)):
-        if any((clip, row + shift) in taken for shift in range(1 - apart, apart)):
-            continue
-        taken.add((clip, row))
-        kept.append(number)
-        if len(kept) == count:
-            break
-    return np.array(kept, np.int64)

@@ -1,0 +1,92 @@
+"""Our own prior: neighbours by history and by trackers, as one Gaussian with all their correlations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.database import MotionDatabase
+from reconstruction.local_model import LocalModelSettings, gather, local_prior
+from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.window_features import seen_from
+
+
+@dataclass(frozen=True)
+class NeighbourSettings:
+    """How neighbours are chosen and weighed.
+
+    count: K, 8 to 256.
+    candidates: windows retrieved before near duplicates are thinned out, at least `count`.
+    apart: frames, how far two neighbours of one clip must be from each other, at least 1.
+    sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
+    """
+
+    count: int = 64
+    candidates: int = 256
+    apart: int = 2
+    sharpness: float = 4.0
+
+
+class DefaultPredictor:
+    """Retrieves by the last poses and these trackers, and hands the neighbours to `local_prior`.
+
+    Beyond the paper: it retrieves by the trackers too; it thins out near duplicates in time; it keeps how degrees of
+    freedom vary together; and it trusts the neighbours less the farther they are.
+    """
+
+    def __init__(
+        self, database: MotionDatabase, scale: float, neighbours: NeighbourSettings, local: LocalModelSettings
+    ):
+        """scale: the performer's size over the database's."""
+        self._database, self._scale = database, scale
+        self._neighbours, self._local = neighbours, local
+        self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
+        self._windows = np.asarray(database.windows)
+        self._clips = np.searchsorted(database.firsts, self._windows, side="right")
+
+    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+        """See `Predictor`."""
+        s, last = self._neighbours, past[-1]
+        numbers, distances = self._database.index.nearest(self._feature(past, trackers), s.candidates)
+        keep = thinned(self._windows[numbers], self._clips[numbers], s.apart, s.count)
+        rows, distances = self._windows[numbers[keep]].astype(np.int64), distances[keep]
+        following = self._at_scale(rows, 0)
+        steps = following - self._at_scale(rows, 1)
+        coverage = float(distances[: max(1, len(distances) // 8)].mean() / self._database.spacing)
+        weights = gaussian_weights(distances, s.sharpness)
+        prior = local_prior(following, steps, weights, last.q, max(1.0, coverage / 2), self._local)
+        return Prediction(prior, rows, coverage)
+
+    def _feature(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> NDArray[np.float32]:
+        last, earliest = past[-1], past[0]
+        earlier = seen_from(earliest.joints[None], earliest.heading[None], last.heading[None])
+        points = (last.joints[None] / self._scale, earlier / self._scale, trackers[None] / self._scale)
+        return self._database.features.features(last.q[None, 3:], *points)[0]
+
+    def _at_scale(self, rows: NDArray[np.int64], back: int) -> NDArray[np.float64]:
+        """Poses (K, D) of the rows `back` before, seen from the heading frames one row before."""
+        q = gather(rows, back, self._poses, self._headings)
+        q[:, :3] *= self._scale
+        return q
+
+
+def gaussian_weights(distances: NDArray[np.floating], sharpness: float) -> NDArray[np.float64]:
+    """(K,) Gaussian weights (eq. 7) that sum to one; their width is the median distance over sqrt(sharpness)."""
+    width = max(float(np.median(distances)), 1e-6)
+    weights = np.exp(-0.5 * sharpness * (distances.astype(np.float64) / width) ** 2)
+    return weights / weights.sum()
+
+
+def thinned(rows: NDArray[np.int32], clips: NDArray[np.int64], apart: int, count: int) -> NDArray[np.int64]:
+    """Places of at most `count` rows, in order, none nearer than `apart` frames to a better one of its clip."""
+    kept: list[int] = []
+    taken: set[tuple[int, int]] = set()
+    for number, (row, clip) in enumerate(zip(rows.tolist(), clips.tolist(), strict=True)):
+        if any((clip, row + shift) in taken for shift in range(1 - apart, apart)):
+            continue
+        taken.add((clip, row))
+        kept.append(number)
+        if len(kept) == count:
+            break
+    return np.array(kept, np.int64)

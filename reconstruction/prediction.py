@@ -1,0 +1,40 @@
+"""What every method says before it looks at the likelihood: the prior of the next pose, and what it comes from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.map_problem import GaussianPrior
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedPose:
+    """q: (D,) seen from its own heading frame; heading: (3,) that frame; joints: (J, 3) metres, seen from it."""
+
+    q: NDArray[np.float64]
+    heading: NDArray[np.float64]
+    joints: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """prior: of the next pose, seen from the last pose's heading frame; rows: (K,) int64, the database rows it comes
+    from, being like the next pose; coverage: their distance over the database's own spacing."""
+
+    prior: GaussianPrior
+    rows: NDArray[np.int64]
+    coverage: float
+
+
+class Predictor(Protocol):
+    """A method's prior p(q_t | Q_{t,m}), and, where it looks at them, c_t."""
+
+    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+        """From the last poses, the latest at the end, and trackers (6, 3) metres seen from its heading frame.
+
+        Missing trackers are filled with where their joints would go on to.
+        """
+        ...

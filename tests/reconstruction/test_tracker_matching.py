@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from reconstruction.tracker_matching import Sighting, TrackerMatcher, planar_fit
+from reconstruction.window_features import seen_from
+
+OFFSETS = np.array([0, -5, -12])
+
+
+def sighting(matcher: TrackerMatcher, row: int, heading: np.ndarray, noise: float = 0.0) -> Sighting:
+    """What trackers would have read of a row's clip, standing at `heading`; one role is missing."""
+    way = matcher.trajectory(row, OFFSETS)
+    points = seen_from(way, np.tile(heading, (3, 1)), np.zeros((3, 3)))
+    points += np.random.default_rng(0).normal(0, noise, points.shape)
+    points[:, 1] = np.nan
+    return Sighting(OFFSETS, points)
+
+
+@pytest.fixture(scope="module")
+def matcher(database):
+    return TrackerMatcher(database)
+
+
+def test_finds_the_row_and_where_it_stands(matcher):
+    heading = np.array([2.0, -1.0, 2.5])
+    found = matcher.best(sighting(matcher, 400, heading), np.arange(len(matcher)), 5)
+    assert found.rows[0] == 400
+    assert found.errors[0] < 1e-3
+    np.testing.assert_allclose(found.heading, heading, atol=1e-3)
+
+
+def test_the_kernel_agrees_with_plain_minimisation(matcher):
+    asked = sighting(matcher, 400, np.array([1.0, 1.0, 0.5]), noise=0.05)
+    there = np.isfinite(asked.points[..., 0])
+    rows = np.array([410, 777])
+    for row, square in zip(rows, matcher.squares(asked, rows), strict=True):
+        way = matcher.trajectory(int(row), OFFSETS)
+
+        def total(heading, way=way):
+            moved = seen_from(way, np.tile(heading, (3, 1)), np.zeros((3, 3)))
+            return float(np.sum((moved - asked.points)[there] ** 2))
+
+        best = min(minimize(total, [0, 0, yaw], tol=1e-10).fun for yaw in (0, 2, 4))
+        assert square == pytest.approx(best, rel=1e-4)
+        fit = planar_fit(way[there], asked.points[there])
+        assert total(fit) == pytest.approx(best, rel=1e-4)
+        assert matcher.error(asked, rows[rows == row], fit) == pytest.approx(np.sqrt(best / there.sum()), rel=1e-3)
+
+
+def test_moments_outside_a_clip_do_not_count(matcher, database):
+    asked = sighting(matcher, 400, np.zeros(3))
+    first = database.clips[3].first
+    assert np.isinf(matcher.squares(asked, np.arange(first, first + 12))).all()
+    assert np.isfinite(matcher.squares(asked, np.array([first + 12]))).all()
+    assert np.isnan(matcher.error(asked, np.array([first]), np.zeros(3)))
