@@ -194,3 +194,28 @@ def ghost_marks(skeleton: Skeleton, joints: NDArray[np.float64], opacity: float 
     starts = len(skeleton) * np.arange(len(joints))
     segments = (starts[:, None, None] + bones).reshape(-1, 2).astype(np.int32)
     return Lines(joints.reshape(-1, 3), segments, GHOST, width=2.0, opacity=opacity, through=opacity / 2)
+
+
+def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
+    """Two scenes in one picture, `apart_m` metres between their middles, seen as the left one is."""
+    aside = apart_m / 2 * left.camera.axes[0]
+    a, b = _moved(left, -aside), _moved(right, aside)
+    return replace(
+        left,
+        surfaces=a.surfaces + b.surfaces,
+        lines=a.lines + b.lines,
+        spheres=a.spheres + b.spheres,
+        camera=replace(left.camera, distance=1.25 * left.camera.distance),
+        title="   |   ".join(title for title in (left.title, right.title) if title),
+        status=left.status + right.status,
+        figures=left.figures + right.figures,
+    )
+
+
+def _moved(scene: Scene, by: NDArray[np.float64]) -> Scene:
+    return replace(
+        scene,
+        surfaces=tuple(replace(s, vertices=s.vertices + by) for s in scene.surfaces),
+        lines=tuple(replace(x, points=x.points + by) for x in scene.lines),
+        spheres=tuple(replace(s, centres=s.centres + by) for s in scene.spheres),
+    )

@@ -12,6 +12,7 @@ from capture.scene import (
     Spheres,
     Surface,
     ghost_marks,
+    side_by_side,
     skeleton_marks,
     tracker_spheres,
 )
@@ -90,3 +91,12 @@ def test_ghosts_join_each_pose_within_itself():
     ghosts = ghost_marks(skeleton, joints)
     assert len(ghosts.segments) == 3 * (len(skeleton) - 1)
     assert (ghosts.segments // len(skeleton) == ghosts.segments[:, :1] // len(skeleton)).all()
+
+
+def test_side_by_side_keeps_both_and_puts_them_apart_across_the_picture():
+    one = Scene(spheres=(Spheres(np.array([[0.0, 1, 0]])),), camera=Camera(yaw=0.7), title="a", status=("x",))
+    both = side_by_side(one, Scene(spheres=(Spheres(np.array([[0.0, 1, 0]])),), title="b"), apart_m=2.0)
+    left, right = both.points() @ both.camera.axes.T
+    assert np.allclose(right - left, [2, 0, 0])
+    assert both.title == "a   |   b"
+    assert both.status == ("x",)
