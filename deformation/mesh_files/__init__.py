@@ -5,9 +5,10 @@ from pathlib import Path
 
 from deformation.mesh import Mesh
 from deformation.mesh_files.obj import read_obj
+from deformation.mesh_files.ply import read_ply
 from devices.errors import FileError
 
-_READERS: dict[str, Callable[[Path], Mesh]] = {".obj": read_obj}
+_READERS: dict[str, Callable[[Path], Mesh]] = {".obj": read_obj, ".ply": read_ply}
 
 
 def read_mesh(path: str | Path) -> Mesh:
