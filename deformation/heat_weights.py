@@ -35,6 +35,9 @@ _RELATED = 4
 _OUTSIDE = 2.0
 """A bone whose middle is so many cells from all of the body drives nothing: a root that stands on the floor, say."""
 
+_LEAST_WEIGHT = 0.01
+"""Weights below are dropped: what a hundredth moves is not seen, and lone bones need no polar decomposition."""
+
 _EPSILON = 1e-9
 
 
@@ -258,6 +261,6 @@ def strongest(weights: NDArray[np.float64], count: int = 4) -> tuple[NDArray[np.
     count = min(count, weights.shape[1])
     joints = np.argsort(-weights, axis=1, kind="stable")[:, :count]
     kept = np.take_along_axis(weights, joints, axis=1)
-    kept[kept < 1e-4] = 0
+    kept[kept < _LEAST_WEIGHT] = 0
     kept /= kept.sum(axis=1, keepdims=True)
     return np.where(kept > 0, joints, 0).astype(np.int32), kept

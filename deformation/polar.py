@@ -1,16 +1,18 @@
 """The rotation in a 3x3 matrix: M = R S (eq. 2)."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deformation.kernel import kernel
+
 _STEPS = 20
-_CONVERGED = 1e-14
+_CONVERGED = 1e-10
+"""Squared change of a step after which the next would change less than 1e-10."""
 _FLAT = 1e-9
 """Determinant, against the cube of the matrix' size, from which on a matrix turns nothing that could be told."""
 
 
-@numba.njit(cache=True, inline="always")
+@kernel
 def cofactors(m):
     """The cofactor matrix of nine numbers m, row by row."""
     return (
@@ -26,7 +28,7 @@ def cofactors(m):
     )
 
 
-@numba.njit(cache=True, inline="always")
+@kernel
 def norm_squared(m):
     """The sum of nine squares."""
     return (
@@ -42,7 +44,7 @@ def norm_squared(m):
     )
 
 
-@numba.njit(cache=True)
+@kernel
 def polar(m):
     """(found, R): the rotation nearest to nine numbers m, by Newton steps X <- (g X + X^-T / g) / 2 (Higham 1986).
 
@@ -85,7 +87,7 @@ _SMALL_TURN = 0.25
 """Squared vector part of a quaternion up to which a step of `polar_near_identity` is trusted."""
 
 
-@numba.njit(cache=True)
+@kernel
 def polar_near_identity(m):
     """`polar` of a matrix whose rotation is small: two or three Newton steps on the rotation itself, each quadratic.
 

@@ -9,10 +9,10 @@ skeleton. Steps are of fixed length: what is shown lies between the last two, an
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deformation.kernel import kernel
 from deformation.shape_matching import Regions, ShapeMatcher
 from devices.errors import SettingError
 
@@ -147,14 +147,14 @@ def swing_reference(x, v, skin, skin_velocity, goals, softness, settings: Second
     return np.where(softness[:, None] <= 0, skin, x), v
 
 
-@numba.njit(cache=True)
+@kernel
 def _stiffness(delta, omega):
     """The squared angular frequencies towards the skin and towards the shape matching goal, kept stable."""
     tie = np.minimum(omega * omega, _HARDEST / (_STEP_S * _STEP_S))
     return tie, np.minimum(tie * delta / (1.0 - delta), _HARDEST / (_STEP_S * _STEP_S) - tie)
 
 
-@numba.njit(cache=True)
+@kernel
 def _swing(x, v, skin, skin_velocity, goals, softness, delta, omega, damping, gravity, farthest, offsets):
     """Eq. 12 and 13 with the goal (1 - delta) s + delta g and damping towards the skin's velocity, in place.
 
@@ -181,7 +181,7 @@ def _swing(x, v, skin, skin_velocity, goals, softness, delta, omega, damping, gr
                 x[p, i], v[p, i] = skin[p, i] + offsets[p, i], skin_velocity[p, i]
 
 
-@numba.njit(cache=True)
+@kernel
 def _between(start, end, way, target, velocity):
     """Where the skin is on the way from one frame to the next, and its mean velocity since the step before."""
     for p in range(len(start)):
@@ -191,7 +191,7 @@ def _between(start, end, way, target, velocity):
             target[p, i] = now
 
 
-@numba.njit(cache=True)
+@kernel
 def _show(skin, before, after, share, delta, softness, shown):
     for p in range(len(skin)):
         amount = delta * softness[p]

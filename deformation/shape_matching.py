@@ -8,11 +8,11 @@ transposed passes carry the regions' motions back to their particles, and so mom
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from deformation.kernel import kernel
 from deformation.lattice import Lattice
 from deformation.polar import polar_near_identity, polar_reference
 from devices.errors import SettingError
@@ -118,7 +118,7 @@ class ShapeMatcher:
         return self._goals
 
 
-@numba.njit(cache=True)
+@kernel
 def _pass(values, cells, corner_first, corner_cells, means, out):
     """out = A values: each cell takes the mean of its corners, each particle an eighth of each of its cells'."""
     for cell in range(len(cells)):
@@ -139,7 +139,7 @@ def _pass(values, cells, corner_first, corner_cells, means, out):
                 total[i] += mean[i]
 
 
-@numba.njit(cache=True)
+@kernel
 def _goals(x, shape, cells, corner_first, corner_cells, half_widths, shares, buffers, means, goals):
     a, b, motion = buffers[0], buffers[1], buffers[2]
     size = len(x)
@@ -175,7 +175,7 @@ def _goals(x, shape, cells, corner_first, corner_cells, half_widths, shares, buf
             goals[p, i] = s * (turned + m[9 + i])
 
 
-@numba.njit(cache=True)
+@kernel
 def _fit(sums, motion):
     """The rigid motion, nine of rotation and three of translation, that least squares finds from a region's moments."""
     s = 1.0 / sums[15]

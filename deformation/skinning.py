@@ -7,10 +7,10 @@ bones: both bones agree where it goes, and a twisted forearm keeps its girth.
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deformation.kernel import kernel
 from deformation.polar import polar, polar_reference
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
@@ -97,7 +97,7 @@ def blend(
     _blend(motion, binding.joints, binding.weights, binding.centres, rest, positions, rotations)
 
 
-@numba.njit(cache=True)
+@kernel
 def _blend(motion, joints, weights, centres, rest, positions, rotations):
     m = np.empty((3, 4))
     for n in range(len(rest)):

@@ -1,9 +1,9 @@
 """The mesh on the lattice: vertices ride in their cells, and faces give normals."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deformation.kernel import kernel
 from deformation.lattice import Lattice
 from deformation.mesh import Mesh
 
@@ -34,7 +34,7 @@ class Surface:
         _normals(vertices, self._quads, self._triangles, out)
 
 
-@numba.njit(cache=True)
+@kernel
 def _ride(particles, cells, first, order, fractions, out):
     """A cell's motion as a polynomial in the fractions: eight coefficients a cell serve all vertices in it."""
     k = np.empty((8, 3))
@@ -63,7 +63,7 @@ def _ride(particles, cells, first, order, fractions, out):
                 out[vertex, i] = low + z * high
 
 
-@numba.njit(cache=True)
+@kernel
 def _normals(vertices, quads, triangles, out):
     """Adds each face's area vector to its corners: a quad's is half the cross product of its diagonals."""
     out[:] = 0.0
@@ -87,10 +87,10 @@ def _normals(vertices, quads, triangles, out):
             out[n, 2] += z
     for n in range(len(out)):
         size = np.sqrt(out[n, 0] ** 2 + out[n, 1] ** 2 + out[n, 2] ** 2)
-        if size > 0:
-            out[n, 0] /= size
-            out[n, 1] /= size
-            out[n, 2] /= size
+        scale = 1.0 / size if size > 0 else 0.0
+        out[n, 0] *= scale
+        out[n, 1] *= scale
+        out[n, 2] *= scale
 
 
 def normals_reference(mesh: Mesh, vertices: NDArray[np.float64]) -> NDArray[np.float64]:

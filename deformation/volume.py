@@ -6,11 +6,11 @@ what turns inside out counts against it. Octants without a cell hold nothing and
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from deformation.kernel import kernel
 from deformation.lattice import CORNERS, Lattice
 from deformation.skinning import Binding
 from devices.frame import frozen
@@ -19,7 +19,7 @@ from reconstruction.skeleton import Skeleton
 _SMALLEST_PART = 12
 """Particles below which a part is counted to its parent's: fewer hold no volume worth keeping."""
 
-_TOLERANCE = 1e-3
+_TOLERANCE = 2e-3
 """Relative loss of a part that is left as it is."""
 
 _BLUR = 2
@@ -200,7 +200,7 @@ def _cubic(
     return float(loss), float(first), float(second), float((f[:, 0] * cross_f[0]).sum() / 8)
 
 
-@numba.njit(cache=True)
+@kernel
 def _root(cubic, reach):
     """The real root that Newton finds from zero, kept within +-reach; zero where the volume does not grow outward."""
     c0, c1, c2, c3 = cubic
@@ -237,7 +237,7 @@ def preserve(particles: NDArray[np.float64], rotations: NDArray[np.float64], par
     )
 
 
-@numba.njit(cache=True)
+@kernel
 def _preserve(x, rotations, octants, octant_first, members, shares, member_first, volumes, outward, reach):
     field = np.zeros_like(x)
     for _ in range(_SWEEPS):
@@ -266,7 +266,7 @@ def _preserve(x, rotations, octants, octant_first, members, shares, member_first
             break
 
 
-@numba.njit(cache=True)
+@kernel
 def _volume(x, octants, start, stop):
     total = 0.0
     for o in range(start, stop):
@@ -278,7 +278,7 @@ def _volume(x, octants, start, stop):
     return total / 8.0
 
 
-@numba.njit(cache=True)
+@kernel
 def _coefficients(x, v, octants, start, stop, loss):
     first, second, third = 0.0, 0.0, 0.0
     for o in range(start, stop):
