@@ -70,6 +70,9 @@ class Hydra(DeviceProtocol):
     _last: dict[int, Vector] = field(default_factory=dict, init=False, repr=False, compare=False)
     _gaps: SequenceGaps = field(default_factory=lambda: SequenceGaps(256), init=False, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        self.role_hints.update({"1": "left_wrist", "2": "right_wrist"})
+
     def reset(self) -> None:
         super().reset()
         self._last = {}

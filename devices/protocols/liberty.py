@@ -46,7 +46,11 @@ _ASK_STATIONS = b"\x15"
 
 @dataclass
 class Liberty(FramedProtocol):
-    """A LIBERTY with 8 or 16 sensors. inches: unit on the wire. items: the output list, in LIBERTY's numbers."""
+    """A LIBERTY with 8 or 16 sensors. inches: unit on the wire. items: the output list, in LIBERTY's numbers.
+
+    hemisphere: direction (x, y, z) of the half of space that the sensors stay in, in the source's axes; empty leaves
+    what the device has.
+    """
 
     name: ClassVar[str] = "liberty"
     title: ClassVar[str] = "Polhemus LIBERTY (RS-232)"
@@ -58,11 +62,12 @@ class Liberty(FramedProtocol):
 
     inches: bool = False
     items: tuple[int, ...] = (8, 9, 11, 3, 7)
+    hemisphere: tuple[float, ...] = ()
     _clock: Unwrapped = field(default_factory=lambda: Unwrapped(1 << 32), init=False, repr=False, compare=False)
     _gaps: dict[int, SequenceGaps] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        self.items = tuple(self.items)
+        self.items, self.hemisphere = tuple(self.items), tuple(self.hemisphere)
         self._layout = RecordLayout(self.items, ITEMS, _HEADER)
         self._body_size = self._layout.size - _HEADER_SIZE
 
@@ -112,6 +117,8 @@ class Liberty(FramedProtocol):
         yield from find_baud(self, COMMON_BAUDS, self._active_sensors, hint)
         yield Write(b"U0\r" if self.inches else b"U1\r")
         yield Write(f"O*,{','.join(map(str, self.items))}\r".encode())
+        if self.hemisphere:
+            yield Write(f"H*,{','.join(f'{x:g}' for x in self.hemisphere)}\r".encode())
         yield Drain(timeout_s=0.2)
         yield Write(b"C\r")
 

@@ -66,8 +66,8 @@ def test_the_device_clock_runs_on_when_it_wraps():
 
 def test_start_sets_unit_and_list_and_finds_the_speed():
     wire = Wire(Liberty().simulator(["a"]), bauds=(19200,))
-    wire.run(Liberty().start())
-    assert wire.written.endswith(b"U1\rO*,8,9,11,3,7\rC\r")
+    wire.run(Liberty(hemisphere=(0, 0, -1)).start())
+    assert wire.written.endswith(b"U1\rO*,8,9,11,3,7\rH*,0,0,-1\rC\r")
 
 
 def test_no_sensor_and_no_answer_are_one_clear_line():
