@@ -1,8 +1,10 @@
 """The GLB is read back with pygltflib and this file's own forward kinematics, and judged by the Khronos validator."""
 
+import importlib.util
 import json
 import shutil
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -157,3 +159,29 @@ def test_the_khronos_validator_finds_nothing_wrong(character, motion, path, tmp_
         assert report["issues"]["numErrors"] == 0, report["issues"]["messages"]
         assert report["issues"]["numWarnings"] == 0, report["issues"]["messages"]
         assert report["info"]["hasSkins"]
+
+
+BLENDER = """
+import sys
+import bpy, numpy as np
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.context.scene.render.fps = 60
+bpy.ops.import_scene.gltf(filepath=sys.argv[1])
+skin = max((o for o in bpy.data.objects if o.type == "MESH"), key=lambda o: len(o.data.vertices))
+rate = bpy.data.actions[0].frame_range[1] / float(sys.argv[3])
+bpy.context.scene.frame_set(int(rate * 23), subframe=rate * 23 % 1)
+posed = skin.evaluated_get(bpy.context.evaluated_depsgraph_get())
+mesh, world = posed.to_mesh(), np.array(posed.matrix_world)
+corners = np.array([vertex.co[:] for vertex in mesh.vertices]) @ world[:3, :3].T + world[:3, 3]
+np.save(sys.argv[2], np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]]))
+"""
+
+
+def test_blender_moves_the_skin_as_the_file_says(motion, path, tmp_path):
+    if importlib.util.find_spec("bpy") is None:
+        pytest.skip("Blender's Python module is not installed (pip install bpy)")
+    out = tmp_path / "blender.npy"
+    command = [sys.executable, "-c", BLENDER, str(path), str(out), str(len(motion) - 1)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert out.exists(), done.stderr
+    assert np.abs(np.load(out) - skinned(GLTF2().load(path), 23)).max() < 1e-5
