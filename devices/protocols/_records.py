@@ -89,7 +89,7 @@ class RecordLayout:
     def pose(self, values: tuple, unit_m: float) -> Pose | None:
         """Position in metres and turn, in `RUB`; None where the numbers cannot be a pose.
 
-        A quaternion of zeros is what a receiver without a signal gives: that pose has no orientation.
+        A quaternion of zeros is what a receiver without a signal gives: it has neither position nor orientation.
         """
         position = self._numbers(values, "position", 3)
         if position:
@@ -104,8 +104,10 @@ class RecordLayout:
         quaternion = self._numbers(values, "quaternion", 4)
         if quaternion:
             w, x, y, z = quaternion
+            if not (w or x or y or z):
+                return None, None
             turn = unit_quaternion((x, y, z, w))
-            if turn is None and (w or x or y or z):
+            if turn is None:
                 return None
         axes = FORWARD_RIGHT_DOWN
         return axes.to_rub(position) if position else None, turn and axes.quaternion_to_rub(turn)
@@ -113,32 +115,26 @@ class RecordLayout:
     def encode(self, header: tuple, sample: TrackerSample, unit_m: float, numbers: Mapping[Field, int]) -> bytes:
         """A whole record of a sample that has a position; numbers: the one-number fields, 0 where not given."""
         axes = FORWARD_RIGHT_DOWN
-        x, y, z = axes.from_rub(sample.position or (0.0, 0.0, 0.0))
-        turn = axes.quaternion_from_rub(sample.orientation or IDENTITY)
+        place = axes.from_rub(sample.position or (0.0, 0.0, 0.0))
+        x, y, z, w = turn = axes.quaternion_from_rub(sample.orientation or IDENTITY)
+        values: dict[Field, tuple[float, ...]] = {
+            "position": place if "position" in self._packed else tuple(value / unit_m for value in place),
+            "euler": euler_from_quaternion(turn),
+            "quaternion": (w, x, y, z),
+        }
         record = self.header.pack(*header)
         for item in self.items:
-            match item.field:
-                case "literal":
-                    record += item.literal
-                    continue
-                case "position":
-                    unit = 1.0 if item.full_scale else unit_m
-                    values: tuple[float, ...] = (x / unit, y / unit, z / unit)
-                case "euler":
-                    values = euler_from_quaternion(turn)
-                case "quaternion":
-                    values = (turn[3], *turn[:3])
-                case number:
-                    values = (numbers.get(number, 0),)
-            if item.full_scale:
-                packed = bytearray(word_bytes([scaled(value, item.full_scale) for value in values]))
-                packed[0] |= 0x80
-                record += packed
-            elif self.binary:
-                record += struct.pack(f"<{item.codes}", *values)
-            else:
-                record += b"".join(f"{value:{COLUMN}.{item.decimals}f}".encode() for value in values)
+            record += item.literal or self._encoded(item, values.get(item.field, (numbers.get(item.field, 0),)))
         return record
+
+    def _encoded(self, item: Item, values: tuple[float, ...]) -> bytes:
+        if item.full_scale:
+            packed = bytearray(word_bytes([scaled(value, item.full_scale) for value in values]))
+            packed[0] |= 0x80
+            return bytes(packed)
+        if self.binary:
+            return struct.pack(f"<{item.codes}", *values)
+        return b"".join(f"{value:{COLUMN}.{item.decimals}f}".encode() for value in values)
 
     def _numbers(self, values: tuple, field: Field, count: int) -> Any:
         """The `count` numbers of a field, () where the list has none of it."""

@@ -57,6 +57,11 @@ def test_an_error_letter_flags_the_sample():
     assert sample.quality == pytest.approx(0.1)
 
 
+def test_a_receiver_without_a_signal_gives_no_position():
+    sample = one(Fastrak(), b"01k" + bytes(28) + b" ")
+    assert (sample.position, sample.orientation, sample.flags) == (None, None, SampleFlag.SUSPECT)
+
+
 def test_status_and_station_replies_are_the_documented_bytes():
     device = Fastrak().simulator(["a", "b"])
     device.answer(b"u")
