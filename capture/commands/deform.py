@@ -1,0 +1,70 @@
+"""`sixpoint deform`: a motion onto a character."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from capture.commands.options import Resolution
+from devices.errors import FileError, SettingError, choice_error
+
+_ENDINGS = (".glb", ".npz", ".gif", ".mp4", "a folder for PNG frames")
+
+
+def deform(
+    character: Annotated[str, typer.Argument(help="`mannequin`, or a character's file.")],
+    motion: Annotated[Path, typer.Argument(help="The motion: .bvh, .amc, or an .npz of `reconstruct`.")],
+    out: Annotated[Path, typer.Option(help="What to write: .glb, .npz, .gif, .mp4, or a folder for PNG frames.")],
+    resolution: Resolution = "medium",
+    particles: Annotated[int | None, typer.Option(min=50, help="Lattice particles, about; 1,900 otherwise.")] = None,
+    cell_size_m: Annotated[float | None, typer.Option(help="Edge of a lattice cell, metres, instead.")] = None,
+    delta: Annotated[float, typer.Option(help="Share of the secondary motion, 0 to 0.95.")] = 0.6,
+    frequency_hz: Annotated[float, typer.Option(help="Of the flesh's free swing, 0.5 to 12.")] = 3.5,
+    damping_ratio: Annotated[float, typer.Option(help="0 swings on, 1 does not overshoot.")] = 0.25,
+    volume: Annotated[bool, typer.Option(help="Keep the volume of each part.")] = True,
+    fps: Annotated[float | None, typer.Option(min=1, max=240, help="Frames a second; the motion's own, or 30.")] = None,
+    width: Annotated[int, typer.Option(min=64, max=7680, help="Of the pictures, pixels.")] = 960,
+    height: Annotated[int, typer.Option(min=64, max=4320, help="Of the pictures, pixels.")] = 540,
+) -> None:
+    """Put a motion onto a character: mesh of the lattice in .npz and pictures, skin and animation in .glb.
+
+    A .glb holds the skeleton, at most four weights a vertex and the motion; whoever plays it blends linearly. The
+    volume's keeping and the flesh's swing are in the vertices of an .npz and in pictures.
+    """
+    from capture.characters import load_character
+    from capture.deforming import pictures, write_vertices
+    from capture.export import read_npz, write_glb
+    from capture.progress import progress_bar
+    from capture.video import write_frames, write_video
+    from deformation.character import LatticeSettings, make_character
+    from deformation.deformer import DeformSettings
+    from deformation.secondary_motion import SecondarySettings
+    from reconstruction.motion_files import read_motion
+    from reconstruction.motion_operations import resampled
+
+    ending = out.suffix.lower()
+    if ending and ending not in _ENDINGS:
+        raise choice_error("ending", ending, _ENDINGS)
+    if out.parent != Path() and not out.parent.is_dir():
+        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    if particles is not None and cell_size_m is not None:
+        raise SettingError("--particles and --cell-size-m are both given: use one of them")
+    settings = DeformSettings(volume, SecondarySettings(delta, frequency_hz, damping_ratio))
+    clip = read_npz(motion) if motion.suffix.lower() == ".npz" else read_motion(motion)
+    rate = fps or (clip.fps if ending in (".glb", ".npz") else min(clip.fps, 30.0))
+    clip = resampled(clip, rate) if abs(rate - clip.fps) > 1e-6 else clip
+    body = load_character(character, clip.skeleton, resolution, clip.pose(0))
+    if particles is not None or cell_size_m is not None:
+        cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
+        body = make_character(body.mesh, body.skeleton, body.bind, body.name, cells)
+    if ending == ".glb":
+        write_glb(body, clip, out)
+    else:
+        with progress_bar("deforming") as progress:
+            if ending == ".npz":
+                write_vertices(body, clip, settings, out, progress)
+            elif ending:
+                write_video(pictures(body, clip, settings, (width, height), progress=progress), out, rate)
+            else:
+                write_frames(pictures(body, clip, settings, (width, height), progress=progress), out)
+    print(f"{len(clip)} frames of {len(body.mesh.vertices)} vertices on {len(body.lattice.particles)} particles: {out}")

@@ -1,0 +1,75 @@
+"""A whole motion on a character: the deformed mesh of every frame, into an archive of vertices or into pictures."""
+
+import os
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.raster import render
+from capture.stage import Stage
+from capture.viewing import Layers
+from deformation.character import Character
+from deformation.deformer import DeformedMesh, Deformer, DeformSettings
+from devices.progress import Progress, no_progress
+from reconstruction.kinematics import world_transforms
+from reconstruction.motion import Motion
+
+
+def deformed_frames(
+    character: Character, motion: Motion, settings: DeformSettings, progress: Progress = no_progress
+) -> Iterator[tuple[NDArray[np.float64], DeformedMesh]]:
+    """`T_world_joint` (J, 4, 4) and the mesh of each frame, which is valid until the next is asked for."""
+    deformer = Deformer(character, settings)
+    transforms = world_transforms(character.skeleton, motion.root_positions, motion.rotations)
+    for frame, joints in enumerate(transforms, 1):
+        yield joints, deformer.deform(joints, 1 / motion.fps)
+        progress(frame, len(motion))
+
+
+def write_vertices(
+    character: Character, motion: Motion, settings: DeformSettings, path: Path, progress: Progress = no_progress
+) -> None:
+    """Writes an `.npz` of `vertices` (T, V, 3) float32 metres, `quads`, `triangles`, `fps` and `name`.
+
+    Written frame by frame beside the path and renamed into place. Raises OSError.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    others = {
+        "quads": character.mesh.quads,
+        "triangles": character.mesh.triangles,
+        "fps": np.array(motion.fps),
+        "name": np.array(motion.name),
+    }
+    try:
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
+            with archive.open("vertices.npy", "w", force_zip64=True) as file:
+                shape = (len(motion), *character.mesh.vertices.shape)
+                np.lib.format.write_array_header_1_0(
+                    file,
+                    {"descr": "<f4", "fortran_order": False, "shape": shape},  # type: ignore[arg-type]
+                )
+                for _, mesh in deformed_frames(character, motion, settings, progress):
+                    file.write(mesh.vertices.astype("<f4").tobytes())
+            for name, array in others.items():
+                with archive.open(f"{name}.npy", "w") as file:
+                    np.lib.format.write_array(file, array, allow_pickle=False)  # type: ignore[arg-type]
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def pictures(
+    character: Character,
+    motion: Motion,
+    settings: DeformSettings,
+    size: tuple[int, int] = (960, 540),
+    layers: Layers | None = None,
+    progress: Progress = no_progress,
+) -> Iterator[NDArray[np.uint8]]:
+    """A picture (H, W, 3) sRGB of each frame; size: width and height in pixels."""
+    stage, layers = Stage(character.skeleton, character), layers or Layers()
+    for joints, mesh in deformed_frames(character, motion, settings, progress):
+        yield render(stage.scene(None, joints, mesh, layers), *size)
