@@ -12,7 +12,16 @@ from devices.errors import FileError, SixpointError
 from devices.progress import Progress, no_progress
 from reconstruction.motion_files import MOTION_ENDINGS, read_motion
 from reconstruction.motion_operations import leg_length
-from reconstruction.transition import METHODS, MotionClass, Transition, TransitionClip, prepared, ready_pair, transition
+from reconstruction.transition import (
+    METHODS,
+    LiveTransition,
+    MotionClass,
+    Transition,
+    TransitionClip,
+    prepared,
+    ready_pair,
+    transition,
+)
 from reconstruction.transition.measures import SeamFigures, ankle_rest, own_slide, seam_figures
 from reconstruction.transition.result import seam
 
@@ -64,6 +73,7 @@ class TransitionReport:
     classification_agreement: float
     classified: int
     own_slide_m_s: float
+    live_step_ms: float
     methods: tuple[MethodFigures, ...]
     skipped: tuple[str, ...]
 
@@ -102,9 +112,24 @@ def evaluate_transitions(
         classification_agreement=float(np.mean(agreed)) if agreed else 1.0,
         classified=len(agreed),
         own_slide_m_s=float(np.mean(own)),
+        live_step_ms=_live_step_ms(families[0][0], families[0][1]),
         methods=tuple(_summary(method, found) for method, found in cases.items()),
         skipped=tuple(skipped),
     )
+
+
+def _live_step_ms(a: TransitionClip, b: TransitionClip) -> float:
+    """Milliseconds: the median step of a live transition from one clip into another that plays."""
+    b = ready_pair(a, b)
+    shown, before = a.motion.pose(len(a) // 2), a.motion.pose(len(a) // 2 - 1)
+    taken = []
+    for _ in range(20):
+        live = LiveTransition(shown, before, b.motion.pose(0))
+        for frame in range(30):
+            begin = time.perf_counter()
+            live.step(1 / 60, b.motion.pose(min(frame, len(b) - 1)))
+            taken.append(time.perf_counter() - begin)
+    return float(np.median(taken)) * 1e3
 
 
 def labelled_class(name: str) -> MotionClass | None:

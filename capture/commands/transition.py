@@ -9,6 +9,7 @@ import typer
 from devices.errors import FileError, SettingError
 
 if TYPE_CHECKING:
+    from capture.transition_evaluation import TransitionReport
     from reconstruction.motion import Motion
     from reconstruction.transition import Cue, Transition, TransitionClip
 
@@ -56,6 +57,57 @@ def transition(
     for row in rows:
         print(f"transition of {row['time_s']:.2f} s ({row['frames']} frames, {row['method']})")
     print(f"{len(motion)} frames, {motion.duration_s:.2f} s, in {out}")
+
+
+def evaluate_transitions(
+    data: Annotated[list[Path], typer.Option(help="Motion files (.bvh, .amc), or folders searched for them.")],
+    pairs: Annotated[int, typer.Option(min=1, help="How many pairs of clips.")] = 200,
+    exits: Annotated[int, typer.Option(min=1, help="At how many frames each first clip is left.")] = 4,
+    seed: Annotated[int, typer.Option(help="Draws the same pairs and frames again.")] = 7,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Measure transitions on given motions: smoothness, sliding feet, the floor, beside what games do."""
+    from capture.progress import progress_bar
+    from capture.transition_evaluation import evaluate_transitions as evaluate
+
+    for path in data:
+        if not path.exists():
+            raise FileError(f"{path}: no such file or folder")
+    with progress_bar("transitions") as progress:
+        report = evaluate(data, pairs, exits, seed, progress)
+    if as_json:
+        print(json.dumps(report.as_dict()))
+    else:
+        _print_report(report)
+
+
+def _print_report(report: "TransitionReport") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        "method", "T s", "peak<=1.2", "peak/own", "95 %", "jerk", "slide/own", "1.2 s", "floor cm", "max", "ms"
+    )
+    for row in report.methods:
+        table.add_row(
+            row.method,
+            f"{row.time_s:.2f}",
+            f"{100 * row.acceleration_share:.1f} %",
+            f"{row.acceleration_ratio:.2f}",
+            f"{row.acceleration_ratio_95:.2f}",
+            f"{row.jerk_rad_s3:.0f}",
+            f"{row.slide_ratio:.2f}",
+            f"{row.slide_window:.2f}",
+            f"{row.penetration_mean_cm:.3f}",
+            f"{row.penetration_max_cm:.2f}",
+            f"{row.generation_60_frames_ms or row.generation_ms:.2f}",
+        )
+    Console().print(table)
+    print(f"{report.pairs} pairs of {report.clips} clips, {report.exits} exits each, seed {report.seed}")
+    print(f"classes agree with the file names in {100 * report.classification_agreement:.1f} % of {report.classified}")
+    print(f"one live step takes {report.live_step_ms:.3f} ms (median)")
+    for reason in report.skipped:
+        print(f"left out: {reason}")
 
 
 def _cues(clips: list[Path], at: str | None, into: int) -> list["Cue"]:

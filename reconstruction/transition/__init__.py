@@ -2,6 +2,7 @@
 
 from reconstruction.transition.classification import ClassThresholds, MotionClass
 from reconstruction.transition.clip import TransitionClip, prepared
+from reconstruction.transition.live import LiveTransition, clip_target, placed_under
 from reconstruction.transition.methods import METHODS, transition
 from reconstruction.transition.result import Transition, joined, ready_pair
 from reconstruction.transition.sequence import Cue, sequence
@@ -11,11 +12,14 @@ __all__ = [
     "METHODS",
     "ClassThresholds",
     "Cue",
+    "LiveTransition",
     "MotionClass",
     "TimeBounds",
     "Transition",
     "TransitionClip",
+    "clip_target",
     "joined",
+    "placed_under",
     "prepared",
     "ready_pair",
     "sequence",

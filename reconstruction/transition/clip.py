@@ -12,6 +12,7 @@ from reconstruction.motion import Motion
 from reconstruction.motion_operations import resampled
 from reconstruction.rotations import inverse, logarithm, multiply, rotate
 from reconstruction.skeleton import Skeleton
+from reconstruction.transition.body_mass import mass_weights
 from reconstruction.transition.classification import DEFAULT_THRESHOLDS, ClassThresholds, MotionClass, classify
 
 DERIVATIVE_WINDOW_S = 1 / 30
@@ -78,6 +79,31 @@ class TransitionClip:
     def leg_joints(self) -> NDArray[np.int64]:
         """(F, 3) hip, knee and ankle of each leg."""
         return np.array([(leg.hip, leg.knee, leg.ankle) for leg in self.legs], np.int64).reshape(-1, 3)
+
+    @cached_property
+    def rotation_range(self) -> NDArray[np.float64]:
+        """(2, J, 3) radians: least and greatest rotation vector of each joint, infinite where these wrap around."""
+        vectors = logarithm(self.motion.rotations)
+        wraps = (np.linalg.norm(vectors, axis=-1) > 0.6 * np.pi).any(axis=0)
+        return frozen(
+            np.stack(
+                (
+                    np.where(wraps[:, None], -np.inf, vectors.min(axis=0)),
+                    np.where(wraps[:, None], np.inf, vectors.max(axis=0)),
+                )
+            )
+        )
+
+    @cached_property
+    def mass_weights(self) -> NDArray[np.float64]:
+        """(J,) see `body_mass.mass_weights`."""
+        return frozen(mass_weights(self.skeleton))
+
+    def stretch(self, frame: int) -> NDArray[np.float64]:
+        """(F,) how far each leg is stretched at a frame: 1 is straight."""
+        hip, knee, ankle = self.leg_joints.T
+        reach = np.linalg.norm(self.joints[frame, ankle] - self.joints[frame, hip], axis=-1)
+        return reach / np.linalg.norm(self.skeleton.offsets[np.stack((knee, ankle))], axis=-1).sum(axis=0)
 
     @cached_property
     def hinges(self) -> NDArray[np.float64]:

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.rotations import inverse, logarithm, multiply, rotate
+from reconstruction.rotations import multiply, rotate
 from reconstruction.transition.clip import Leg, TransitionClip
-from reconstruction.transition.curves import body_to_vector_rate, quintic_weights, turned_by
-from reconstruction.transition.rebasing import Placement
+from reconstruction.transition.crossing import Crossing
+from reconstruction.transition.curves import quintic_weights, turned_by
 
 SETTLE_S = 0.12
 """A planted foot's last motion dies away over this time."""
@@ -64,74 +64,45 @@ def _lift(gap_m: float) -> float:
     return float(min(0.03 + 0.2 * gap_m, 0.12))
 
 
-def ankle_paths(
-    a: TransitionClip,
-    at: int,
-    b: TransitionClip,
-    into: int,
-    placement: Placement,
-    steps: list[Step],
-    t: NDArray[np.float64],
-    duration: float,
-) -> NDArray[np.float64]:
-    """(N, F, 3) metres, world: where the ankles should be at times t (N,) after the frame left."""
-    paths = np.empty((len(t), len(a.legs), 3))
-    ankles = [leg.ankle for leg in a.legs]
-    starts, ends = a.joints[at, ankles], placement.points(b.joints[into, ankles])
-    end_rates = placement.vectors(np.stack((b.ankle_velocity[into], b.ankle_acceleration[into])))
-    zero = np.zeros(3)
+def ankle_paths(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
+    """(N, F, 3) metres, world: where the ankles should be at times t (N,) after the frame left.
+
+    A planted foot's way is a rest with what is left of its motion dying away on top.
+    """
+    paths = np.empty((len(t), len(steps), 3))
+    settle = min(SETTLE_S, duration / 2)
+    out_weights = quintic_weights(t, settle)[:, :3]
+    in_weights = quintic_weights(t - (duration - settle), settle)[:, 3:]
     for f, step in enumerate(steps):
-        out, out_speed, out_acceleration = starts[f], a.ankle_velocity[at, f], a.ankle_acceleration[at, f]
-        end, end_speed, end_acceleration = ends[f], end_rates[0, f], end_rates[1, f]
-        stands_out, stands_in = bool(a.planted[at, f]), bool(b.planted[into, f])
-        keys = (
-            out + (0.25 * SETTLE_S * out_speed if stands_out else zero),
-            zero if stands_out else out_speed,
-            zero if stands_out else out_acceleration,
-            end - (0.25 * SETTLE_S * end_speed if stands_in else zero),
-            zero if stands_in else end_speed,
-            zero if stands_in else end_acceleration,
-        )
-        path = quintic_weights(t - step.lift_s, step.land_s - step.lift_s) @ np.stack(keys)
-        settle = min(SETTLE_S, duration / 2)
+        keys = crossing.ankle_keys[:, f].copy()
+        stands_out, stands_in = crossing.stands_out[f], crossing.stands_in[f]
         if stands_out:
-            weights = quintic_weights(t, settle)[:, :3]
-            path += weights @ np.stack((out - keys[0], out_speed, out_acceleration))
+            keys[:3] = keys[0] + 0.25 * SETTLE_S * keys[1], (0, 0, 0), (0, 0, 0)
         if stands_in:
-            weights = quintic_weights(t - (duration - settle), settle)[:, 3:]
-            path += weights @ np.stack((end - keys[3], end_speed, end_acceleration))
+            keys[3:] = keys[3] - 0.25 * SETTLE_S * keys[4], (0, 0, 0), (0, 0, 0)
+        path = quintic_weights(t - step.lift_s, step.land_s - step.lift_s) @ keys
+        if stands_out:
+            path += out_weights @ (crossing.ankle_keys[:3, f] - keys[:3])
+        if stands_in:
+            path += in_weights @ (crossing.ankle_keys[3:, f] - keys[3:])
         s = np.clip((t - step.lift_s) / (step.land_s - step.lift_s), 0, 1)
         path[:, 1] += step.height_m * 64 * (s * (1 - s)) ** 3
         paths[:, f] = path
     return paths
 
 
-def foot_turns(
-    a: TransitionClip,
-    at: int,
-    b: TransitionClip,
-    into: int,
-    placement: Placement,
-    steps: list[Step],
-    t: NDArray[np.float64],
-    duration: float,
-) -> NDArray[np.float64]:
+def foot_turns(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
     """(N, F, 4) world rotations of the feet at times t (N,), turning while their ankles are under way."""
-    turns = np.empty((len(t), len(a.legs), 4))
-    ankles = [leg.ankle for leg in a.legs]
-    starts = a.world_rotations[at, ankles]
-    turn = logarithm(multiply(inverse(starts), placement.rotations(b.world_rotations[into, ankles])))
-    rates = body_to_vector_rate(turn, np.stack((b.foot_velocity[into], b.foot_acceleration[into])))
+    turns = np.empty((len(t), len(steps), 4))
+    settle = min(SETTLE_S, duration / 2)
     for f, step in enumerate(steps):
-        keys = (np.zeros(3), a.foot_velocity[at, f], a.foot_acceleration[at, f], turn[f], rates[0, f], rates[1, f])
-        stands_out, stands_in = bool(a.planted[at, f]), bool(b.planted[into, f])
-        whole = quintic_weights(t - step.lift_s, step.land_s - step.lift_s)
-        settle = min(SETTLE_S, duration / 2)
-        if stands_out:
-            whole[:, 1:3] = quintic_weights(t, settle)[:, 1:3]
-        if stands_in:
-            whole[:, 4:] = quintic_weights(t - (duration - settle), settle)[:, 4:]
-        turns[:, f] = turned_by(starts[f], whole @ np.stack(keys))
+        weights = quintic_weights(t - step.lift_s, step.land_s - step.lift_s)
+        if crossing.stands_out[f]:
+            weights[:, 1:3] = quintic_weights(t, settle)[:, 1:3]
+        if crossing.stands_in[f]:
+            weights[:, 4:] = quintic_weights(t - (duration - settle), settle)[:, 4:]
+        start = crossing.a.world_rotations[crossing.at, crossing.ankles[f]]
+        turns[:, f] = turned_by(start, weights @ crossing.foot_keys[:, f])
     return turns
 
 

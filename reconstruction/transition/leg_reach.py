@@ -9,8 +9,8 @@ from reconstruction.rotations import inverse, multiply, rotate
 from reconstruction.skeleton import Skeleton
 from reconstruction.transition.clip import Leg
 
-SOFT_FROM = 0.98
-"""From this share of its length on a leg stretches ever less: straight is never reached, so the knee does not snap."""
+SOFT_FROM = (0.98, 0.995)
+"""From a share of its length between these on a leg stretches ever less: the knee does not snap straight."""
 _HINGE_SHARE = 0.1
 """How much the leg's usual bending axis counts beside the present one, which a straight leg does not have."""
 
@@ -24,13 +24,14 @@ def reach_legs(
     feet: NDArray[np.float64],
     hinges: NDArray[np.float64],
     seam: NDArray[np.float64],
+    soft_from: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Rotations (N, J, 4) whose ankles come to `ankles` (N, F, 3) metres, feet turned as `feet` (N, F, 4), world.
 
     The knee bends in the plane it bends in already; then the hip turns the least that aims the leg. Where a leg would
     have to be longer than it is, the ankle stays on the line from the hip. hinges: (F, 3) each leg's usual bending
     axis in the thigh's axes; seam: (N,) 1 where a leg may be as straight as it is, 0 where it is kept from snapping
-    straight. Plain form of `reach_legs_kernel`.
+    straight; soft_from: (F,) the share of its length from which on each leg is. Plain form of `reach_legs_kernel`.
     """
     result = rotations.copy()
     for f, leg in enumerate(legs):
@@ -41,7 +42,8 @@ def reach_legs(
         now = np.linalg.norm(ankle - hip, axis=-1)
         wanted = np.linalg.norm(ankles[:, f] - hip, axis=-1)
         length = thigh + shin
-        to = _soft(wanted, length) + seam * (now - _soft(now, length))
+        soft = float(soft_from[f])
+        to = _soft(wanted, length, soft) + seam * (now - _soft(now, length, soft))
         to = np.maximum(to, abs(thigh - shin) + 0.02 * length)
         world = _world(skeleton, result, leg.hip)
         parent = multiply(world, inverse(result[:, leg.hip]))
@@ -56,10 +58,10 @@ def reach_legs(
     return result
 
 
-def _soft(distance: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-    """Maps 0 ... infinity to 0 ... length: the same up to SOFT_FROM, then ever slower."""
-    over = np.maximum(distance / length - SOFT_FROM, 0) / (1 - SOFT_FROM)
-    return np.where(over > 0, length * (1 - (1 - SOFT_FROM) * np.exp(-over)), distance)
+def _soft(distance: NDArray[np.float64], length: float, soft_from: float) -> NDArray[np.float64]:
+    """Maps 0 ... infinity to 0 ... length: the same up to that share of it, then ever slower."""
+    over = np.maximum(distance / length - soft_from, 0) / (1 - soft_from)
+    return np.where(over > 0, length * (1 - (1 - soft_from) * np.exp(-over)), distance)
 
 
 def _bend(thigh: float, shin: float, distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -139,9 +141,9 @@ def _knee_bend(thigh, shin, distance):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _stretch(distance, length):  # pragma: no cover - compiled
-    over = max(distance / length - SOFT_FROM, 0.0) / (1 - SOFT_FROM)
-    return length * (1 - (1 - SOFT_FROM) * np.exp(-over)) if over > 0 else distance
+def _stretch(distance, length, soft_from):  # pragma: no cover - compiled
+    over = max(distance / length - soft_from, 0.0) / (1 - soft_from)
+    return length * (1 - (1 - soft_from) * np.exp(-over)) if over > 0 else distance
 
 
 @njit(cache=True)
@@ -156,7 +158,7 @@ def _row4(array, n):  # pragma: no cover - compiled
 
 @njit(cache=True)
 def reach_legs_kernel(
-    parents, offsets, legs, root_positions, rotations, ankles, feet, hinges, seam
+    parents, offsets, legs, root_positions, rotations, ankles, feet, hinges, seam, soft_from
 ):  # pragma: no cover - compiled
     """`reach_legs` in place on `rotations`; parents: (J,), offsets: (J, 3), legs: (F, 3) hip, knee and ankle joints."""
     chain = np.empty(len(parents), np.int64)
@@ -188,7 +190,8 @@ def reach_legs_kernel(
                 ankles[n, f, 1] - position[1],
                 ankles[n, f, 2] - position[2],
             )
-            to = _stretch(_size(aim), length) + seam[n] * (now - _stretch(now, length))
+            soft = soft_from[f]
+            to = _stretch(_size(aim), length, soft) + seam[n] * (now - _stretch(now, length, soft))
             to = max(to, abs(thigh - shin) + 0.02 * length)
             axis, hinge = _cross(thigh_v, shin_v), _turn(world, _row3(hinges, f))
             side = -1.0 if axis[0] * hinge[0] + axis[1] * hinge[1] + axis[2] * hinge[2] < 0 else 1.0

@@ -11,6 +11,7 @@ from reconstruction.motion import Motion
 from reconstruction.rotations import exponential, inverse, logarithm, multiply
 from reconstruction.standard_body import standard_skeleton
 from reconstruction.transition import MotionClass, prepared
+from reconstruction.transition.balance import support_excess
 from reconstruction.transition.classification import classify, runs
 from reconstruction.transition.clip import angular_derivatives
 from reconstruction.transition.curves import (
@@ -24,10 +25,12 @@ from reconstruction.transition.curves import (
 )
 from reconstruction.transition.footwork import planned_steps
 from reconstruction.transition.hierarchy import finger_joints, interpolated, interpolation_parameter
-from reconstruction.transition.leg_reach import SOFT_FROM, reach_legs, reach_legs_kernel
+from reconstruction.transition.joint_limits import LEEWAY_RAD, keep_within_kernel, kept_within
+from reconstruction.transition.leg_reach import reach_legs, reach_legs_kernel
 from reconstruction.transition.rebasing import heading_at, placed_at
 from reconstruction.transition.root_path import gravity_factor, with_gravity, with_trend
 from reconstruction.transition.timing import joint_times
+from reconstruction.transition.world_joints_kernel import joint_positions_kernel
 
 from .moving_bodies import standing, walking
 
@@ -194,18 +197,17 @@ def test_legs_reach_and_the_kernel_agrees(seed: int) -> None:
     ankles = clip.joints[frames][:, [leg.ankle for leg in clip.legs]] + rng.uniform(-0.08, 0.08, (20, 2, 3))
     feet = multiply(clip.world_rotations[frames][:, [leg.ankle for leg in clip.legs]], quaternions(rng))
     hinges = clip.hinges / np.linalg.norm(clip.hinges, axis=-1, keepdims=True)
-    seam = rng.uniform(0, 1, 20)
-    plain = reach_legs(clip.skeleton, clip.legs, positions, rotations, ankles, feet, hinges, seam * 0)
+    seam, soft_from = rng.uniform(0, 1, 20), rng.uniform(0.98, 0.99, 2)
+    plain = reach_legs(clip.skeleton, clip.legs, positions, rotations, ankles, feet, hinges, seam * 0, soft_from)
     joints, _ = world_joints(clip.skeleton, positions, plain)
     length = sum(np.linalg.norm(clip.skeleton.offsets[j]) for j in (clip.legs[0].knee, clip.legs[0].ankle))
     for f, leg in enumerate(clip.legs):
         hip = joints[:, leg.hip]
-        near = np.linalg.norm(ankles[:, f] - hip, axis=-1) < SOFT_FROM * length
+        near = np.linalg.norm(ankles[:, f] - hip, axis=-1) < 0.98 * length
         np.testing.assert_allclose(joints[near, leg.ankle], ankles[near, f], atol=1e-3)
-    plain = reach_legs(clip.skeleton, clip.legs, positions, rotations, ankles, feet, hinges, seam)
-    reach_legs_kernel(
-        clip.skeleton.parents, clip.skeleton.offsets, clip.leg_joints, positions, rotations, ankles, feet, hinges, seam
-    )
+    plain = reach_legs(clip.skeleton, clip.legs, positions, rotations, ankles, feet, hinges, seam, soft_from)
+    body = (clip.skeleton.parents, clip.skeleton.offsets, clip.leg_joints)
+    reach_legs_kernel(*body, positions, rotations, ankles, feet, hinges, seam, soft_from)
     assert np.abs(np.sum(plain * rotations, axis=-1)).min() == pytest.approx(1, abs=1e-9)
 
 
@@ -230,3 +232,47 @@ def test_a_motion_without_legs_is_on_the_spot() -> None:
     clip = prepared(Motion(bare, motion.root_positions, motion.rotations, motion.fps))
     assert clip.legs == ()
     assert clip.motion_class is MotionClass.ON_THE_SPOT
+
+
+@given(seeds)
+@settings(max_examples=15, deadline=None)
+def test_limits_are_kept_and_the_kernel_agrees(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rotations = exponential(rng.normal(0, 0.7, (6, 4, 3))) * rng.choice([-1.0, 1.0], (6, 4, 1))
+    low, high = -rng.uniform(0, 1, (4, 3)), rng.uniform(0, 1, (4, 3))
+    plain = kept_within(rotations, low, high)
+    vectors = logarithm(plain)
+    assert (vectors <= high + LEEWAY_RAD + 1e-9).all()
+    assert (vectors >= low - LEEWAY_RAD - 1e-9).all()
+    compiled = rotations.copy()
+    keep_within_kernel(compiled, low, high)
+    np.testing.assert_allclose(np.abs(np.sum(compiled * plain, axis=-1)), 1, atol=1e-12)
+
+
+def test_joint_positions_kernel_agrees() -> None:
+    motion = walking(30)
+    skeleton = motion.skeleton
+    expected, _ = world_joints(skeleton, motion.root_positions, motion.rotations)
+    positions, world = joint_positions_kernel(
+        skeleton.parents, skeleton.offsets, motion.root_positions, motion.rotations
+    )
+    np.testing.assert_allclose(positions, expected, atol=1e-12)
+    assert np.abs(np.sum(world * prepared(motion).world_rotations, axis=-1)).min() == pytest.approx(1)
+
+
+def test_the_centre_of_mass_of_a_standing_body_is_at_its_hips() -> None:
+    clip = prepared(standing(10))
+    assert clip.mass_weights.sum() == pytest.approx(1)
+    centre = np.einsum("j,tjk->tk", clip.mass_weights, clip.joints)
+    hips = clip.motion.root_positions[:, 1]
+    assert np.abs(centre[:, 0]).max() < 1e-9
+    np.testing.assert_allclose(centre[:, 1] / hips, 1.05, atol=0.08)
+
+
+def test_support_pulls_back_the_shortest_way() -> None:
+    feet = np.tile([[[-0.1, 0, 0], [0.1, 0, 0]]], (3, 1, 1))
+    centre = np.array([[0.0, 1, 0.3], [0.05, 1, 0.0], [0.3, 1, 0.0]])
+    both, one = np.ones((3, 2), bool), np.tile([True, False], (3, 1))
+    np.testing.assert_allclose(support_excess(centre, feet, both), [[0, -0.22], [0, 0], [-0.12, 0]], atol=1e-9)
+    np.testing.assert_allclose(support_excess(centre, feet, one)[1], [-0.07, 0], atol=1e-9)
+    np.testing.assert_array_equal(support_excess(centre, feet, ~both), np.zeros((3, 2)))
