@@ -1,4 +1,4 @@
-"""Every serial protocol with its simulator on a real pseudo-terminal, read with real pyserial."""
+"""Serial devices on real pseudo-terminals with real pyserial, when things go wrong: ours crashes, cables, garbage."""
 
 import time
 
@@ -16,12 +16,9 @@ from tests.devices.motions import waving
 
 SECONDS = 1.0
 DEVICES = [
-    ("fastrak", {}, 4, 1e-5),
     ("fastrak", {"binary": False, "items": (2, 4, 1)}, 2, 2e-4),
-    ("is900", {}, 6, 1e-5),
     ("isotrak2", {}, 2, 2e-4),
     ("liberty", {}, 6, 1e-5),
-    ("patriot", {}, 2, 1e-5),
     ("viper", {}, 6, 1e-5),
     ("flock_of_birds", {"full_scale_in": 72}, 4, 3e-4),
     ("ndi", {}, 4, 1e-5),
