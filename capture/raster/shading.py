@@ -5,9 +5,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 _TAPS = 14
-_AO_RADIUS_M = 0.16
-_SEARCH_RADIUS_M = 0.05
-_SHADOW_BIAS_M = 0.004
+AO_RADIUS_M = 0.16
+SEARCH_RADIUS_M = 0.05
+SHADOW_BIAS_M = 0.004
 
 
 def _spirals() -> NDArray[np.float64]:
@@ -17,7 +17,7 @@ def _spirals() -> NDArray[np.float64]:
     return np.sqrt((tap + 0.5) / _TAPS)[:, None] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
 
-_SPIRALS = _spirals()
+SPIRALS = _spirals()
 
 
 @njit(cache=True, inline="always")
@@ -100,11 +100,11 @@ def occlude(pixels, eye, axes, focal, openness):
             depth = 0.0
             for axis in range(3):
                 depth += (eye[axis] - here[axis]) * axes[2, axis]
-            reach = min(focal * _AO_RADIUS_M / depth, 120.0)
+            reach = min(focal * AO_RADIUS_M / depth, 120.0)
             turn = (row % 4) * 4 + column % 4
             hidden = 0.0
             for tap in range(_TAPS):
-                y, x = row + int(reach * _SPIRALS[turn, tap, 0]), column + int(reach * _SPIRALS[turn, tap, 1])
+                y, x = row + int(reach * SPIRALS[turn, tap, 0]), column + int(reach * SPIRALS[turn, tap, 1])
                 if y < 0 or x < 0 or y >= rows or x >= columns or pixels[y, x, 9] == 0.0:
                     continue
                 along, square = 0.0, 0.0
@@ -112,9 +112,9 @@ def occlude(pixels, eye, axes, focal, openness):
                     step = pixels[y, x, axis] - here[axis]
                     along += step * here[3 + axis]
                     square += step * step
-                if square < 4.0 * _AO_RADIUS_M * _AO_RADIUS_M:
+                if square < 4.0 * AO_RADIUS_M * AO_RADIUS_M:
                     hidden += max(along - 0.002 * depth, 0.0) / (square + 0.0004)
-            openness[row, column] = max(0.0, 1.0 - 1.1 * _AO_RADIUS_M * hidden / _TAPS) ** 1.2
+            openness[row, column] = max(0.0, 1.0 - 1.1 * AO_RADIUS_M * hidden / _TAPS) ** 1.2
 
 
 @njit("void(f4[:,::1], f4[:,:,::1], f4[:,::1])", cache=True)
@@ -145,7 +145,7 @@ def _above(shadow, row, column, depth):
     """How many metres nearer to the light than `depth` the shadow map is there; 0 outside it."""
     if row < 0 or column < 0 or row >= shadow.shape[0] or column >= shadow.shape[1]:
         return 0.0
-    return max(shadow[int(row), int(column)] - depth - _SHADOW_BIAS_M, 0.0)
+    return max(shadow[int(row), int(column)] - depth - SHADOW_BIAS_M, 0.0)
 
 
 @njit("void(f4[:,:,::1], f4[:,::1], f8[:,::1], f8[::1], f8, f4[:,::1])", cache=True)
@@ -169,20 +169,20 @@ def receive_key_light(pixels, shadow, light_axes, light_origin, texels_a_metre, 
                 place[axis] -= light_origin[axis]
             u, v = place[0] * texels_a_metre, place[1] * texels_a_metre
             turn = (row % 4) * 4 + column % 4
-            reach = _SEARCH_RADIUS_M * texels_a_metre
+            reach = SEARCH_RADIUS_M * texels_a_metre
             gap, found = 0.0, 0
             for tap in range(_TAPS):
-                y, x = _SPIRALS[turn, tap]
+                y, x = SPIRALS[turn, tap]
                 above = _above(shadow, v + reach * y, u + reach * x, place[2])
                 if above > 0.0:
                     gap += above
                     found += 1
             if found == 0:
                 continue
-            reach = min(max(0.16 * gap / found, 0.005), _SEARCH_RADIUS_M) * texels_a_metre
+            reach = min(max(0.16 * gap / found, 0.005), SEARCH_RADIUS_M) * texels_a_metre
             dark = 0.0
             for tap in range(_TAPS):
-                y, x = _SPIRALS[turn, tap]
+                y, x = SPIRALS[turn, tap]
                 dark += min(_above(shadow, v + reach * y, u + reach * x, place[2]) / 0.004, 1.0)
             lit[row, column] = 1.0 - dark / _TAPS
 

@@ -1,8 +1,7 @@
-"""Which triangle is nearest at each sample of a picture: the z-buffer, as a kernel and as its plain reference."""
+"""Which triangle is nearest at each sample of a picture: the z-buffer."""
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 TILT = 0.25
 """Samples to shift every second row and column by, so that 2 x 2 samples a pixel stand in four rows and four columns
@@ -49,27 +48,3 @@ def fill_triangles(corners, triangles, tilt, nearness, owner):
                 if near > nearness[row, column]:
                     nearness[row, column] = near
                     owner[row, column] = triangle
-
-
-def fill_triangles_reference(
-    corners: NDArray[np.float64],
-    triangles: NDArray[np.int32],
-    tilt: float,
-    nearness: NDArray[np.float32],
-    owner: NDArray[np.int32],
-) -> None:
-    """What `fill_triangles` does, over whole pictures in NumPy."""
-    height, width = nearness.shape
-    rows, columns = np.mgrid[0:height, 0:width]
-    x = columns + 0.5 + np.where(rows % 2 == 0, tilt, -tilt)
-    y = rows + 0.5 - np.where(columns % 2 == 0, tilt, -tilt)
-    for triangle, (a, b, c) in enumerate(corners[triangles]):
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        if area == 0 or min(a[2], b[2], c[2]) <= 0:
-            continue
-        share_b = (x - a[0]) * ((c[1] - a[1]) / area) + (y - a[1]) * ((a[0] - c[0]) / area)
-        share_c = (x - a[0]) * ((a[1] - b[1]) / area) + (y - a[1]) * ((b[0] - a[0]) / area)
-        share_a = 1 - share_b - share_c
-        near = (share_a * a[2] + share_b * b[2] + share_c * c[2]).astype(np.float32)
-        wins = (share_a >= 0) & (share_b >= 0) & (share_c >= 0) & (near > nearness)
-        nearness[wins], owner[wins] = near[wins], triangle

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.raster import contact_sheet, render, save_png
-from capture.raster.triangles import fill_triangles, fill_triangles_reference
+from capture.raster import contact_sheet, reference, render, save_png, shading
+from capture.raster.marks import draw_lines
+from capture.raster.triangles import fill_triangles
 from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface
 
 FRONT = Camera(target=(0.0, 0.0, 0.0), distance=3.0, yaw=0.0, pitch=0.0)
@@ -23,7 +24,7 @@ def test_the_kernel_fills_what_the_reference_fills(seed, tilt):
     corners = np.column_stack([random.uniform(-5, 30, (12, 2)), random.uniform(-0.2, 1, 12)])
     triangles = random.integers(0, 12, (9, 3)).astype(np.int32)
     pictures = []
-    for fill in (fill_triangles, fill_triangles_reference):
+    for fill in (fill_triangles, reference.fill_triangles):
         nearness, owner = np.zeros((20, 24), np.float32), np.full((20, 24), -1, np.int32)
         fill(corners, triangles, tilt, nearness, owner)
         pictures.append((nearness, owner))
@@ -151,3 +152,80 @@ def test_words_stand_in_their_corners():
         assert rows.size
         assert ((rows >= 90) == quarter[0]).all()
         assert ((columns >= 160) == quarter[1]).all()
+
+
+def surface_pixels(seed: int, shape: tuple[int, int] = (13, 17)) -> np.ndarray:
+    """A bumpy wall of pixels as `resolve_samples` gives them, with holes."""
+    random = np.random.default_rng(seed)
+    row, column = np.indices(shape)
+    depth = 0.1 * np.sin(row / 3.0 + seed) + 0.05 * np.cos(column / 2.0) + 0.2 * (column > 8)
+    position = np.stack([0.02 * (column - 8), 0.02 * (6 - row), depth], axis=-1)
+    normal = np.stack([random.normal(0, 0.3, shape), random.normal(0, 0.3, shape), np.ones(shape)], axis=-1)
+    colour = random.uniform(0, 1, (*shape, 3))
+    coverage = random.choice([0.0, 0.25, 1.0, 1.0, 1.0], shape)[..., None]
+    pixels = np.concatenate([position, normal, colour, coverage], axis=-1).astype(np.float32)
+    pixels[pixels[..., 9] == 0] = 0
+    return pixels
+
+
+LOOK = (FRONT.eye, FRONT.axes, 600.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_occlusion_is_as_the_reference(seed):
+    pixels, results = surface_pixels(seed), []
+    for occlude in (shading.occlude, reference.occlude):
+        results.append(np.ones(pixels.shape[:2], np.float32))
+        occlude(pixels, *LOOK, results[-1])
+    assert np.allclose(*results, atol=1e-4)
+    assert results[0].min() < 0.9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_smoothing_is_as_the_reference(seed):
+    pixels, results = surface_pixels(seed), []
+    values = np.random.default_rng(seed).uniform(0, 1, pixels.shape[:2]).astype(np.float32)
+    for smooth in (shading.smooth_turns, reference.smooth_turns):
+        results.append(np.ones(pixels.shape[:2], np.float32))
+        smooth(values, pixels, results[-1])
+    assert np.allclose(*results, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_soft_shadow_is_as_the_reference(seed):
+    pixels, results = surface_pixels(seed), []
+    map_rows, map_columns = np.indices((40, 40))
+    shadow = np.where((map_rows + map_columns) % 17 < 8, 1.5, 0.0).astype(np.float32)
+    for receive in (shading.receive_key_light, reference.receive_key_light):
+        results.append(np.ones(pixels.shape[:2], np.float32))
+        receive(pixels, shadow, np.eye(3), np.array([-0.2, -0.2, -1.0]), 100.0, results[-1])
+    assert np.allclose(*results, atol=1e-3)
+    assert 0.0 <= results[0].min() < 0.6
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.4])
+def test_light_is_as_the_reference(opacity):
+    pixels, results = surface_pixels(1), []
+    share = np.random.default_rng(3).uniform(0, 1, (2, *pixels.shape[:2])).astype(np.float32)
+    directions = np.array([[-0.5, 0.7, 0.5], [0.8, 0.2, 0.5], [0.6, 0.5, -0.6]])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    lights = np.column_stack([directions, [[1.1, 1.0, 0.9], [0.1, 0.2, 0.2], [0.7, 0.8, 0.9]]])
+    for light in (shading.light_pixels, reference.light_pixels):
+        results.append(np.full((*pixels.shape[:2], 3), 0.5, np.float32))
+        light(pixels, share[0], share[1], FRONT.eye, lights, opacity, results[-1])
+    assert np.allclose(*results, atol=1e-4)
+    assert np.ptp(results[0]) > 0.2
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.6, 1.0, 3.5]))
+def test_strokes_are_as_the_reference(seed, width):
+    random = np.random.default_rng(seed)
+    points = np.column_stack([random.uniform(-10, 40, (6, 2)), random.uniform(-0.1, 1, 6)])
+    segments = random.integers(0, 6, (5, 2)).astype(np.int32)
+    nearness = random.uniform(0, 0.8, (24, 30)).astype(np.float32)
+    results = []
+    for draw in (draw_lines, reference.draw_lines):
+        results.append(np.full((24, 30, 3), 0.3, np.float32))
+        draw(points, segments, np.full((5, 3), 0.9), width, 0.8, 0.2, nearness, results[-1])
+    assert np.allclose(*results, atol=1e-4)
