@@ -10,6 +10,9 @@ FORWARD_RIGHT_DOWN = Axes("FRD")
 
 INCH_M = 0.0254
 
+POOR_QUALITY = 0.1
+"""For samples whose signal the device calls weak without giving a number."""
+
 FARTHEST_M = 50.0
 """Farther than any tracker here can be: such a position is a broken frame."""
 

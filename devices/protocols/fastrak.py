@@ -8,16 +8,16 @@ the numbers can be a pose.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 from devices.errors import DeviceError, SettingError
 from devices.protocols._conversation import COMMON_BAUDS, CommandLine, Question, find_baud
 from devices.protocols._framing import DROP_ONE, WAIT, FramedProtocol, Scan, drop_until
-from devices.protocols._poses import INCH_M
+from devices.protocols._poses import INCH_M, POOR_QUALITY
 from devices.protocols._records import Item, RecordLayout
-from devices.protocols.protocol import Drain, Receive, Script, SimulatedDevice, Write
+from devices.protocols.protocol import Drain, Receive, Script, SimulatedDevice, Step, Write
 from devices.sample import SampleFlag, TrackerSample
 
 ITEMS: Mapping[int, Item] = {
@@ -98,7 +98,7 @@ class Fastrak(FramedProtocol):
             position=pose[0],
             orientation=pose[1],
             device_time_s=None if time_ms is None else time_ms / 1000,
-            quality=0.1 if error in WEAK_SIGNAL else None,
+            quality=POOR_QUALITY if error in WEAK_SIGNAL else None,
             flags=SampleFlag.NONE if error == " " else SampleFlag.SUSPECT,
         )
         return self._layout.size, [sample]
@@ -138,7 +138,7 @@ class Fastrak(FramedProtocol):
         yield Write(b"S")
         return bool(_STATUS.search((yield Receive(0.5, until=b"\r\n"))))
 
-    def _active_stations(self):
+    def _active_stations(self) -> Generator[Step, bytes, Sequence[str]]:
         """The stations that are on, asked of station 1; all of them where the device does not say."""
         yield Write(b"l1\r")
         reply = re.search(rb"2.l([01]+)\r\n", (yield Receive(0.5, until=b"\r\n")))

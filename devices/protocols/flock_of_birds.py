@@ -6,7 +6,7 @@ A record is a row of 14-bit words, each in two 7-bit bytes; only the record's fi
 the bird's address follows. There is no checksum: the phase bits and a quaternion of length 1 keep it in step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -23,7 +23,7 @@ from devices.protocols._poses import (
     quaternion_from_euler,
     unit_quaternion,
 )
-from devices.protocols.protocol import Drain, Pause, Receive, Script, SetRts, SimulatedDevice, Write
+from devices.protocols.protocol import Drain, Pause, Receive, Script, SetRts, SimulatedDevice, Step, Write
 from devices.sample import SampleFlag, TrackerSample
 
 RECORDS = {"position": (b"V", 3), "position_angles": (b"Y", 6), "position_quaternion": (b"]", 7)}
@@ -168,7 +168,7 @@ class FlockOfBirds(FramedProtocol):
         status = yield from self._status()
         return any(bird & _REACHABLE for bird in status)
 
-    def _status(self):
+    def _status(self) -> Generator[Step, bytes, bytes]:
         """14 bytes, one an address from 1; fewer where the flock does not answer."""
         yield Write(_POINT)
         yield Drain()
@@ -176,7 +176,7 @@ class FlockOfBirds(FramedProtocol):
         status = yield Receive(0.5, size=_STATUS_SIZE)
         return status if len(status) == _STATUS_SIZE else b""
 
-    def _addresses(self):
+    def _addresses(self) -> Generator[Step, bytes, Sequence[int]]:
         """The addresses to stream from: as many as `birds`, or every receiver that is reachable."""
         if self.birds:
             return range(self.first_address, self.first_address + self.birds)

@@ -16,7 +16,7 @@ from typing import ClassVar
 from devices.errors import DeviceError
 from devices.protocols._conversation import COMMON_BAUDS, CommandLine, Question, find_baud
 from devices.protocols._framing import DROP_ONE, WAIT, FramedProtocol, Scan, drop_until
-from devices.protocols._poses import INCH_M
+from devices.protocols._poses import INCH_M, POOR_QUALITY
 from devices.protocols._records import Field, Item, RecordLayout
 from devices.protocols.counters import SequenceGaps, Unwrapped
 from devices.protocols.protocol import Drain, Receive, Script, SimulatedDevice, Write
@@ -106,7 +106,7 @@ class Liberty(FramedProtocol):
             orientation=pose[1],
             device_time_s=None if time_ms is None else self._clock(time_ms) / 1000,
             sequence=frame,
-            quality=0.1 if error == ord("u") else None,
+            quality=POOR_QUALITY if error == ord("u") else None,
             flags=(SampleFlag.NONE if error in _NO_ERROR else SampleFlag.SUSPECT)
             | (SampleFlag.BUTTON if self._layout.value(values, "button") else SampleFlag.NONE),
         )
