@@ -7,12 +7,14 @@ from collections.abc import Callable
 import typer
 from typer.exceptions import Abort, TyperException
 
-from capture.commands import config, database
+from capture.commands import config, database, transition
+from capture.commands.deform import deform
 from capture.commands.demo import demo
-from capture.commands.devices import devices, simulate
+from capture.commands.devices import align, devices, doctor, simulate
 from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
 from capture.commands.replay import replay
+from capture.commands.stream import stream
 from devices.errors import SixpointError
 
 app = typer.Typer(
@@ -24,17 +26,20 @@ app = typer.Typer(
 )
 
 
-def _group(name: str, meaning: str, commands: list[Callable[..., None]]) -> None:
+def _group(name: str, meaning: str, commands: list[tuple[str, Callable[..., None]]]) -> None:
     group = typer.Typer(help=meaning, no_args_is_help=True)
-    for command in commands:
-        group.command()(command)
+    for title, command in commands:
+        group.command(title)(command)
     app.add_typer(group, name=name)
 
 
-for command in (demo, devices, simulate, live, record, replay, reconstruct):
+_COMMANDS = (demo, replay, live, record, reconstruct, deform, transition.transition, stream)
+_DEVICE_COMMANDS = (devices, doctor, align, simulate)
+for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)
-_group("database", "Motion databases: what the solver knows.", [database.build, database.info])
-_group("config", "The session's settings.", [config.init, config.check])
+_group("database", "Motion databases: what the solver knows.", [("build", database.build), ("info", database.info)])
+_group("evaluate", "The papers' experiments on given data.", [("transitions", transition.evaluate_transitions)])
+_group("config", "The session's settings.", [("init", config.init), ("check", config.check)])
 
 
 def main(arguments: list[str] | None = None) -> int:

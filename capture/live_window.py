@@ -24,7 +24,14 @@ class SessionSource:
             return Scene(camera=Camera(), title="waiting for trackers", status=tuple(self._devices()))
         status = [*self._devices(), *self._figures(), f"coverage {shot.solution.coverage:.1f}"]
         return self.stage.scene(
-            shot.frame, shot.joints, shot.skin, layers, shot.solution.sigma, status, title="sixpoint live"
+            shot.frame.time_s,
+            shot.frame,
+            shot.joints,
+            shot.skin,
+            layers,
+            shot.solution.sigma,
+            status,
+            title="sixpoint live",
         )
 
     def _devices(self) -> list[str]:

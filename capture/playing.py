@@ -57,7 +57,7 @@ class PerformanceSource:
         trackers = p.frames[frame] if len(p.frames) else None
         sigma = None if p.sigma is None else p.sigma[frame]
         return self.stage.scene(
-            trackers, self._joints[frame], self._skin, layers, sigma, self._status(frame), self.title
+            time_s, trackers, self._joints[frame], self._skin, layers, sigma, self._status(frame), self.title
         )
 
     def scenes(self, fps: float, layers: Layers) -> Iterator[Scene]:

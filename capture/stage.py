@@ -1,6 +1,8 @@
 """What stands on the stage at one moment: skin, skeleton, trackers and lattice as the layers ask, as a `Scene`."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,19 +21,41 @@ _FOLLOW_HEIGHT = 0.52
 """Where the camera looks, as a share of the performer's height."""
 _CELL_EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and (a ^ b) in (1, 2, 4)])
 
+_FROM_THE_SIDE = 0.5
+"""Radians to the performer's left at which the camera stands."""
+_NEARER_S, _ROUND_S = 0.25, 1.6
+"""Seconds in which the camera makes up most of a distance, and of a turn."""
+
+
+@dataclass(frozen=True)
+class _View:
+    """Where the camera looks, and which way it takes the performer to face, at a moment."""
+
+    time_s: float
+    target: NDArray[np.float64]
+    facing: float
+
+    def towards(self, goal: "_View") -> "_View":
+        """This view, gone some way to where it should be."""
+        elapsed = max(goal.time_s - self.time_s, 0.0)
+        near, turned = 1 - math.exp(-elapsed / _NEARER_S), 1 - math.exp(-elapsed / _ROUND_S)
+        left_to_turn = math.remainder(goal.facing - self.facing, math.tau)
+        return _View(goal.time_s, self.target + near * (goal.target - self.target), self.facing + turned * left_to_turn)
+
 
 class Stage:
-    """Builds the scenes of one performer. The camera follows the hips, smoothly."""
+    """Builds the scenes of one performer. The camera stays with them and comes round to their front, calmly."""
 
     def __init__(self, skeleton: Skeleton, character: Character | None, colours: ArrayLike = CLAY) -> None:
         self.skeleton, self.character = skeleton, character
         self._colours = colours
         self._triangles = character.mesh.triangulated if character else np.empty((0, 3), np.int32)
         self._edges = _lattice_edges(character.lattice.cells) if character else np.empty((0, 2), np.int32)
-        self._target: NDArray[np.float64] | None = None
+        self._view: _View | None = None
 
     def scene(
         self,
+        time_s: float,
         frame: TrackerFrame | None,
         joints: NDArray[np.float64],
         skin: DeformedMesh | None,
@@ -40,7 +64,10 @@ class Stage:
         status: Sequence[str] = (),
         title: str = "",
     ) -> Scene:
-        """One moment. joints: (J, 4, 4) `T_world_joint`; sigma: (J,) radians, for the uncertainty tint."""
+        """One moment, `time_s` seconds into whatever is shown.
+
+        joints: (J, 4, 4) `T_world_joint`; sigma: (J,) radians, for the uncertainty tint.
+        """
         surfaces, lines, spheres = [], [], []
         if skin is not None and layers.skin:
             surfaces.append(self._skin(skin, sigma if layers.uncertainty else None))
@@ -52,13 +79,13 @@ class Stage:
             spheres.append(tracker_spheres(frame))
         if layers.lattice and skin is not None:
             lines.append(Lines(frozen(skin.particles.copy()), self._edges, LATTICE, width=1.0, opacity=0.55))
-        camera = self._camera(joints[0, :3, 3])
+        camera = self._camera(time_s, joints[:, :3, 3])
         words = tuple(status) if layers.statistics else ()
         return Scene(tuple(surfaces), tuple(lines), _only(spheres), camera, title=title, status=words)
 
     def cut(self) -> None:
         """The next scene is not the one after: the camera jumps to it."""
-        self._target = None
+        self._view = None
 
     def _skin(self, skin: DeformedMesh, sigma: NDArray[np.float64] | None) -> Surface:
         colours = self._colours if sigma is None else self._doubt(sigma)
@@ -71,12 +98,19 @@ class Stage:
         share = np.clip(on_vertices / DOUBT_RAD, 0, 1)[:, None]
         return (1 - share) * np.asarray(self._colours) + share * DOUBTFUL
 
-    def _camera(self, hips: NDArray[np.float64]) -> Camera:
+    def _camera(self, time_s: float, joints: NDArray[np.float64]) -> Camera:
         height = float(self._standing_height())
-        goal = np.array([hips[0], _FOLLOW_HEIGHT * height, hips[2]])
-        self._target = goal if self._target is None else self._target + 0.12 * (goal - self._target)
-        x, y, z = self._target.tolist()
-        return Camera(target=(x, y, z), distance=2.45 * height)
+        hips = joints[0]
+        goal = _View(time_s, np.array([hips[0], _FOLLOW_HEIGHT * height, hips[2]]), self._facing(joints))
+        self._view = goal if self._view is None else self._view.towards(goal)
+        x, y, z = self._view.target.tolist()
+        return Camera(target=(x, y, z), distance=2.45 * height, yaw=self._view.facing + _FROM_THE_SIDE)
+
+    def _facing(self, joints: NDArray[np.float64]) -> float:
+        """Radians about the vertical: where the hips face, 0 along +Z."""
+        bones = self.skeleton.humanoid
+        left = joints[bones["left_upper_leg"]] - joints[bones["right_upper_leg"]]
+        return math.atan2(-left[2], left[0])
 
     def _standing_height(self) -> float:
         if self.character is not None:
