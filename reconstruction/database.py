@@ -26,10 +26,10 @@ from reconstruction.motion_operations import leg_length, mirrored, require_same_
 from reconstruction.neighbours import NeighbourIndex
 from reconstruction.pose_space import MeanRotations, PoseSpace
 from reconstruction.skeleton import Skeleton
-from reconstruction.window_features import WindowFeatures, seen_from
+from reconstruction.window_features import SPAN, WindowFeatures, seen_from
 
 FORMAT = "sixpoint motion database"
-VERSION = 1
+VERSION = 2
 _ARRAYS = ("poses", "headings", "tracks", "windows", "bounds", "feature_mean", "feature_basis")
 
 
@@ -155,7 +155,13 @@ def open_database(path: str | Path) -> MotionDatabase:
         space=PoseSpace(skeleton, np.array(body["mean"], np.float64), np.array(body["moving"], np.int32)),
         fps=manifest["fps"],
         clips=tuple(Clip(*clip) for clip in manifest["clips"]),
-        features=WindowFeatures(np.array(arrays.pop("feature_mean")), np.array(arrays.pop("feature_basis"))),
+        features=WindowFeatures(
+            manifest["turn_weight"],
+            manifest["velocity_weight"],
+            manifest["tracker_weight"],
+            np.array(arrays.pop("feature_mean")),
+            np.array(arrays.pop("feature_basis")),
+        ),
         index=index,
         spacing=manifest["spacing"],
         **arrays,
@@ -286,26 +292,25 @@ class _Builder:
 
     def _index(self, space: PoseSpace) -> None:
         """Third pass: features of every window, their index, the spacing, the limits and the manifest."""
-        span = WindowFeatures.SPAN
         headings, tracks = self._old("headings"), self._old("tracks")
         points, poses = self._old("points"), self._old("poses")
-        starts = [np.arange(c.first + span, c.first + c.frames) for c in self.clips if c.frames > span]
+        starts = [np.arange(c.first + SPAN, c.first + c.frames) for c in self.clips if c.frames > SPAN]
         if not starts:
-            raise FileError(f"no motion is longer than {span} frames at {self.fps:g} frames a second")
+            raise FileError(f"no motion is longer than {SPAN} frames at {self.fps:g} frames a second")
         windows = np.concatenate(starts).astype(np.int32)
-        history = _History(points, headings, tracks)
+        history = _History(poses, points, headings, tracks)
         rng = np.random.default_rng(0)
         sample = np.sort(rng.choice(windows, min(self.SAMPLE, len(windows)), replace=False))
-        features = WindowFeatures.fitted(history.of(sample))
+        features = WindowFeatures.fitted(*history.of(sample))
         index = NeighbourIndex.empty(features.size)
         for part in np.array_split(windows, max(1, len(windows) // 4096)):
-            index.add(features.features(history.of(part), history.trackers(part)))
+            index.add(features.features(*history.of(part), history.trackers(part)))
             self.stages.indexed(len(index), len(windows))
         index.write(self.folder / "index.faiss")
         bounds = np.stack((poses.min(axis=0), poses.max(axis=0)), axis=1)
         bounds += np.array([-self.LIMIT_MARGIN, self.LIMIT_MARGIN], np.float32)
         probes = sample[:: max(1, len(sample) // 400)]
-        spacing = _spacing(index, windows, probes, features.features(history.of(probes), history.trackers(probes)))
+        spacing = _spacing(index, windows, probes, features.features(*history.of(probes), history.trackers(probes)))
         del history, headings, tracks, points, poses
         (self.folder / "points.npy").unlink()
         for name, array in (
@@ -315,15 +320,18 @@ class _Builder:
             ("feature_basis", features.basis),
         ):
             np.save(self.folder / f"{name}.npy", array)
-        self._write_manifest(space, spacing)
+        self._write_manifest(space, features, spacing)
 
-    def _write_manifest(self, space: PoseSpace, spacing: float) -> None:
+    def _write_manifest(self, space: PoseSpace, features: WindowFeatures, spacing: float) -> None:
         skeleton = space.skeleton
         manifest = {
             "format": FORMAT,
             "version": VERSION,
             "fps": self.fps,
             "spacing": spacing,
+            "turn_weight": features.turn_weight,
+            "velocity_weight": features.velocity_weight,
+            "tracker_weight": features.tracker_weight,
             "skeleton": {
                 "names": list(skeleton.names),
                 "parents": skeleton.parents.tolist(),
@@ -347,15 +355,15 @@ class _Builder:
 class _History:
     """Joint positions (N, J, 3) and tracked joints (N, 6, 3) by row, seen from the heading frame of the row before."""
 
+    poses: NDArray[np.float32]
     points: NDArray[np.float32]
     headings: NDArray[np.float32]
     tracks: NDArray[np.float32]
 
-    def of(self, rows: NDArray[np.int32]) -> NDArray[np.float32]:
-        """Histories (n, 2 J 3) of windows."""
-        span = WindowFeatures.SPAN
-        earlier = seen_from(self.points[rows - span], self.headings[rows - span], self.headings[rows - 1])
-        return WindowFeatures.history(self.points[rows - 1], earlier)
+    def of(self, rows: NDArray[np.int32]) -> tuple[NDArray, NDArray, NDArray]:
+        """Turns one frame before rows (n,), and joint positions one and `SPAN` frames before them."""
+        earlier = seen_from(self.points[rows - SPAN], self.headings[rows - SPAN], self.headings[rows - 1])
+        return self.poses[rows - 1][:, 3:], self.points[rows - 1], earlier
 
     def trackers(self, rows: NDArray[np.int32]) -> NDArray[np.float64]:
         """Tracked joints (n, 6, 3) metres of windows."""

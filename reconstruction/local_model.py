@@ -28,10 +28,10 @@ class LocalModelSettings:
     step_widening: times the steps' own spread, above 0.
     """
 
-    pose_floor: float = 0.03
-    step_floor: float = 0.02
+    pose_floor: float = 0.02
+    step_floor: float = 0.015
     pose_widening: float = 1.5
-    step_widening: float = 1.5
+    step_widening: float = 4.0
 
 
 def local_prior(

@@ -58,6 +58,28 @@ class TrackerReturn:
         return frame.positions + left[:, None] * self._offset
 
 
+class OrientationGate:
+    """Lets a tracker's orientation count only where it has long been near its joint's: else its mounting is unknown."""
+
+    PLAUSIBLE_RAD = 0.4
+    """Mean angle between a tracker, as it is said to be mounted, and its joint."""
+    MEMORY = 0.95
+    """Share of the mean that stays from frame to frame."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all trackers."""
+        self._mean = np.full(len(ROLES), np.nan)
+
+    def passed(self, orientations: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Orientations (6, 4), NaN where they shall not count; angles: (6,) radians from the joints, NaN if missing."""
+        going_on = self.MEMORY * self._mean + (1 - self.MEMORY) * angles
+        self._mean = np.where(np.isnan(angles), self._mean, np.where(np.isnan(self._mean), angles, going_on))
+        return np.where((np.fmax(self._mean, angles) < self.PLAUSIBLE_RAD)[:, None], orientations, np.nan)
+
+
 class PoseEasing:
     """Shows a solver's change of mind as a quick movement: the difference to the last shown pose fades out."""
 

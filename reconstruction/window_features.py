@@ -11,23 +11,29 @@ from numpy.typing import NDArray
 
 from devices.sample import ROLES
 
+SPAN = 3
+"""Frames that a window's history reaches back: the paper's m."""
+
 
 @dataclass(frozen=True, eq=False)
 class WindowFeatures:
     """Projects windows to feature vectors of F = P + 18 numbers.
 
-    mean: (2 J 3,) and basis: (P, 2 J 3), the principal components of the history of a database.
+    turn_weight: metres; how far off a joint counts that is turned one radian too far.
+    velocity_weight: how much a joint's way over the history counts against its position.
+    tracker_weight: how much the trackers' root mean square distance counts against the history's.
+    mean: (H,) and basis: (P, H), the principal components of the history of a database.
     """
 
+    turn_weight: float
+    velocity_weight: float
+    tracker_weight: float
     mean: NDArray[np.float32]
     basis: NDArray[np.float32]
 
-    SPAN = 3
-    """Frames that the history reaches back: the paper's m."""
+    TURN_WEIGHT = 0.2
     VELOCITY_WEIGHT = 1.0
-    """A joint's way over `SPAN` frames counts this much against its position."""
     TRACKER_WEIGHT = 1.5
-    """The trackers' root mean square distance counts this much against the history's."""
     COMPONENTS = 24
 
     @property
@@ -36,25 +42,33 @@ class WindowFeatures:
         return len(self.basis) + 3 * len(ROLES)
 
     @classmethod
-    def fitted(cls, history: NDArray[np.float32]) -> "WindowFeatures":
-        """From histories (n, 2 J 3) of a sample of a database's windows."""
-        mean = history.mean(axis=0, dtype=np.float64)
-        centred = history - mean
-        vectors = np.linalg.eigh(centred.T @ centred)[1]
-        basis = vectors[:, ::-1][:, : cls.COMPONENTS].T
-        return cls(mean.astype(np.float32), np.ascontiguousarray(basis, np.float32))
+    def fitted(cls, turns: NDArray, last: NDArray, earlier: NDArray) -> "WindowFeatures":
+        """From the histories, as `features` takes them, of a sample of a database's windows."""
+        history = _history(turns, last, earlier, cls.TURN_WEIGHT, cls.VELOCITY_WEIGHT)
+        mean = history.mean(axis=0)
+        vectors = np.linalg.eigh((history - mean).T @ (history - mean))[1]
+        basis = np.ascontiguousarray(vectors[:, ::-1][:, : cls.COMPONENTS].T, np.float32)
+        return cls(cls.TURN_WEIGHT, cls.VELOCITY_WEIGHT, cls.TRACKER_WEIGHT, mean.astype(np.float32), basis)
 
-    @classmethod
-    def history(cls, last: NDArray, earlier: NDArray) -> NDArray[np.float32]:
-        """(n, 2 J 3) metres, of joint positions (n, J, 3) one and `SPAN` frames ago in the last one's heading frame."""
-        both = np.stack((last, cls.VELOCITY_WEIGHT * (last - earlier)), axis=1)
-        return (both / np.sqrt(last.shape[1])).reshape(len(last), -1).astype(np.float32)
+    def features(self, turns: NDArray, last: NDArray, earlier: NDArray, trackers: NDArray) -> NDArray[np.float32]:
+        """(n, F) of windows, all seen from the heading frame of the pose one frame ago.
 
-    def features(self, history: NDArray[np.float32], trackers: NDArray) -> NDArray[np.float32]:
-        """(n, F) of histories (n, 2 J 3) and tracked joints (n, 6, 3) metres now, in the last pose's heading frame."""
-        weight = self.TRACKER_WEIGHT / np.sqrt(len(ROLES))
+        turns: (n, D - 3) radians, q of that pose without the root's position; last, earlier: (n, J, 3) metres, joint
+        positions one and `SPAN` frames ago; trackers: (n, 6, 3) metres, the tracked joints now.
+        """
+        history = _history(turns, last, earlier, self.turn_weight, self.velocity_weight)
         near = (history - self.mean) @ self.basis.T
-        return np.concatenate((near, weight * trackers.reshape(len(trackers), -1)), axis=1).astype(np.float32)
+        now = self.tracker_weight / np.sqrt(len(ROLES)) * trackers.reshape(len(trackers), -1)
+        return np.concatenate((near, now), axis=1).astype(np.float32)
+
+
+def _history(
+    turns: NDArray, last: NDArray, earlier: NDArray, turn_weight: float, velocity_weight: float
+) -> NDArray[np.float64]:
+    """(n, H) metres: squared distances are mean squares over the joints."""
+    ways = velocity_weight * (last - earlier)
+    parts = [turn_weight * turns, last.reshape(len(last), -1), ways.reshape(len(last), -1)]
+    return np.concatenate(parts, axis=1, dtype=np.float64) / np.sqrt(last.shape[1])
 
 
 def seen_from(points: NDArray, own: NDArray, other: NDArray) -> NDArray[np.float64]:
