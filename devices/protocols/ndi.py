@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from devices.axes import Axes
-from devices.errors import DeviceError, FileError, choice_error
+from devices.errors import DeviceError, FileError, SettingError, choice_error
 from devices.protocols._crc import crc16
 from devices.protocols._framing import DROP_ONE, WAIT, FramedProtocol, Scan
 from devices.protocols._poses import IDENTITY, plausible_position, unit_quaternion
@@ -52,6 +52,9 @@ _TX_LINE = re.compile(
 _POWER_UP_BAUD = 9600
 _BAUD_DIGITS = {9600: "0", 14400: "1", 19200: "2", 38400: "3", 57600: "4", 115200: "5", 921600: "6", 230400: "A"}
 _ROM_CHUNK = 64
+_PROMPT_S, _PATIENT_S = 0.7, 5.0
+"""How long a reply may take; starting up the sensors or reading a tool's memory can take seconds."""
+
 _POLL_AGAIN_NS = 250_000_000
 _FASTEST_POLL_NS = 8_000_000
 
@@ -90,6 +93,8 @@ class Ndi(FramedProtocol):
 
     def __post_init__(self) -> None:
         self.tool_roms = tuple(self.tool_roms)
+        if not self.frame_hz > 0:
+            raise SettingError(f"frame_hz is {self.frame_hz}: it must be above 0, as 60 for Polaris or 40 for Aurora")
         if self.line_baud not in _BAUD_DIGITS:
             raise choice_error("line_baud", self.line_baud, _BAUD_DIGITS)
         self._frame = Axes(self.axes)
@@ -227,7 +232,7 @@ class Ndi(FramedProtocol):
 
     def stop(self) -> Script:
         yield Drain()
-        yield from self._ask(b"TSTOP:")
+        yield from self._ask(b"TSTOP:", _PROMPT_S)
 
     def _reach(self) -> Script:
         """Brings the line to `baud` and the device to its initialised state, from whatever state both are in."""
@@ -247,8 +252,10 @@ class Ndi(FramedProtocol):
 
     def _initialise(self) -> Generator[Step, bytes, bool]:
         """Ends a half-typed command and tracking left on by a crash; whether the device says it is initialised."""
-        yield Write(b"\r" + with_crc(b"TSTOP:"))
+        yield Write(b"\r")
         yield Drain()
+        if not (yield from self._ask(b"TSTOP:", _PROMPT_S)):
+            return False
         return (yield from self._ask(b"INIT:")).startswith(b"OKAY")
 
     def _free_stale_handles(self) -> Script:
@@ -273,10 +280,10 @@ class Ndi(FramedProtocol):
         reply = yield from self._must(b"PHSR:" + which)
         return [reply[at : at + 2] for at in range(2, len(reply) - 4, 5)]
 
-    def _ask(self, command: bytes) -> Answer:
+    def _ask(self, command: bytes, timeout_s: float = _PATIENT_S) -> Answer:
         """The checked reply to a command without CRC and CR; b"" where there is none."""
         yield Write(with_crc(command))
-        reply = yield Receive(1.0, until=b"\r")
+        reply = yield Receive(timeout_s, until=b"\r")
         line = reply[: reply.find(b"\r") + 1]
         return line[:-5] if line and with_crc(line[:-5]) == line else b""
 

@@ -77,7 +77,7 @@ def test_a_tool_out_of_the_volume_is_flagged():
 def test_start_wakes_the_device_by_a_break_and_raises_the_speed():
     okay = with_crc(b"OKAY")
     none = with_crc(b"00")
-    replies = [b"", with_crc(b"RESET"), okay, okay, none, with_crc(b"010A001"), okay, with_crc(b"010A011"), okay]
+    replies = [b"", with_crc(b"RESET"), okay, okay, okay, none, with_crc(b"010A001"), okay, with_crc(b"010A011"), okay]
     steps = run_dry(Ndi().start(), iter([*replies, with_crc(b"010A031"), okay]))
     assert [s.baud for s in steps if isinstance(s, SetBaud)] == [115200, 9600, 115200]
     assert any(isinstance(s, Break) for s in steps)
@@ -98,13 +98,18 @@ def test_passive_tools_are_loaded_from_their_files(tmp_path):
     rom = tmp_path / "tool.rom"
     rom.write_bytes(bytes(range(100)))
     okay, none = with_crc(b"OKAY"), with_crc(b"00")
-    replies = [okay, none, with_crc(b"0B"), okay, okay, none, none, with_crc(b"010B031"), okay]
+    replies = [okay, okay, none, with_crc(b"0B"), okay, okay, none, none, with_crc(b"010B031"), okay]
     steps = run_dry(Ndi(tool_roms=(str(rom),)).start(), iter(replies))
     chunks = [s.data for s in steps if isinstance(s, Write) and s.data.startswith(b"PVWR:")]
     assert [c[:11] for c in chunks] == [b"PVWR:0B0000", b"PVWR:0B0040"]
     assert bytes.fromhex(chunks[0][11:-5].decode() + chunks[1][11:-5].decode()) == bytes(range(100)) + bytes(28)
     with pytest.raises(FileError, match=r"tool file .*: No such file"):
-        run_dry(Ndi(tool_roms=("/nowhere.rom",)).start(), iter([okay, none]))
+        run_dry(Ndi(tool_roms=("/nowhere.rom",)).start(), iter([okay, okay, none]))
+
+
+def test_a_frame_rate_of_zero_is_refused():
+    with pytest.raises(SettingError, match="must be above 0"):
+        Ndi(frame_hz=0)
 
 
 def test_a_speed_it_does_not_have_is_named():

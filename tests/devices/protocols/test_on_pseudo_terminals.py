@@ -56,11 +56,11 @@ def read_for(device: LinkedDevice, seconds: float) -> tuple[list[TrackerSample],
 def test_it_starts_survives_a_crash_of_ours_and_is_read_to_the_end(name, options, trackers, tolerance_m):
     motion = waving(trackers, SECONDS)
     with simulate_device(motion, name, roles=ROLES[:trackers], **options) as simulator:
-        crashed = make_device(name, simulator.path, **options)
+        crashed = make_device(name, simulator.path, options=options)
         crashed.open()
         read_for(crashed, 0.1)
         crashed.link.close()
-        device = make_device(name, simulator.path, **options)
+        device = make_device(name, simulator.path, options=options)
         device.open()
         device.protocol.counters.bad_frames = 0
         # A polled device goes on answering with its last measurement.
