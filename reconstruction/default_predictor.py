@@ -19,6 +19,8 @@ class NeighbourSettings:
     count: K, 8 to 256.
     candidates: windows retrieved before near duplicates are thinned out, at least `count`.
     apart: frames, how far two neighbours of one clip must be from each other, at least 1.
+    trusted_until: coverage up to which the neighbours are taken at their word, above 0; beyond it their Gaussian is
+        widened in proportion.
     sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
     """
 
@@ -26,6 +28,7 @@ class NeighbourSettings:
     candidates: int = 256
     apart: int = 2
     sharpness: float = 4.0
+    trusted_until: float = 2.0
 
 
 class DefaultPredictor:
@@ -55,7 +58,7 @@ class DefaultPredictor:
         steps = following - self._at_scale(rows, 1)
         coverage = float(distances[: max(1, len(distances) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
-        prior = local_prior(following, steps, weights, last.q, max(1.0, coverage / 2), self._local)
+        prior = local_prior(following, steps, weights, last.q, max(1.0, coverage / s.trusted_until), self._local)
         return Prediction(prior, rows, coverage)
 
     def _feature(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> NDArray[np.float32]:

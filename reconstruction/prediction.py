@@ -12,11 +12,15 @@ from reconstruction.map_problem import GaussianPrior
 
 @dataclass(frozen=True, eq=False)
 class SolvedPose:
-    """q: (D,) seen from its own heading frame; heading: (3,) that frame; joints: (J, 3) metres, seen from it."""
+    """q: (D,) seen from its own heading frame; heading: (3,) that frame; joints: (J, 3) metres, seen from it;
+    arms: (6, 3) metres, from the tracked joints to where their trackers sit, seen from it;
+    role_rotations: (6, 4) of the tracked joints, world."""
 
     q: NDArray[np.float64]
     heading: NDArray[np.float64]
     joints: NDArray[np.float64]
+    arms: NDArray[np.float64]
+    role_rotations: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +37,8 @@ class Predictor(Protocol):
     """A method's prior p(q_t | Q_{t,m}), and, where it looks at them, c_t."""
 
     def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
-        """From the last poses, the latest at the end, and trackers (6, 3) metres seen from its heading frame.
+        """From the last poses, the latest at the end, and tracked joints (6, 3) metres seen from its heading frame.
 
-        Missing trackers are filled with where their joints would go on to.
+        Joints whose tracker is missing stand where they would go on to.
         """
         ...

@@ -7,6 +7,7 @@ from time import perf_counter_ns
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from devices.errors import SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
@@ -15,19 +16,21 @@ from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
-from reconstruction.likelihood import Effectors
+from reconstruction.effectors import Measurement, effectors
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
 from reconstruction.map_solver import MapSolution, MapSolver
 from reconstruction.motion import Motion, Pose
 from reconstruction.motion_operations import leg_length
+from reconstruction.mounting import Mounting
 from reconstruction.paper_predictor import PaperPredictor
 from reconstruction.pose_space import ROOT_DOF
 from reconstruction.prediction import Prediction, Predictor, SolvedPose
 from reconstruction.relocalisation import OFFSETS, Relocaliser, TrackerHistory
+from reconstruction.rotations import about_up, inverse, logarithm, multiply
 from reconstruction.skeleton import Skeleton
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
-from reconstruction.tracking import Footing, NoiseMeter, PoseEasing, TrackerReturn, footings
+from reconstruction.tracking import Footing, NoiseMeter, OrientationGate, PoseEasing, TrackerReturn, footings
 from reconstruction.window_features import SPAN, seen_from
 
 _WORLD = np.zeros(3)
@@ -43,6 +46,8 @@ class SolverSettings:
     noise_gain: the measured noise of the trackers counts this many times as their standard deviation, 0 or more.
     hold_after_s: seconds without any tracker after which the pose is held.
     relocalise: whether to look for the way back (`relocalisation`).
+    orientations: whether orientations of trackers are used where there are any.
+    orientation_sigma: radians, standard deviation of a measured orientation, above 0.
     neighbours: how they are chosen, in the default method.
     local: how they become a Gaussian, in the default method.
     """
@@ -50,6 +55,8 @@ class SolverSettings:
     method: str = "default"
     tracker_sigma_m: float = 0.002
     noise_gain: float = 4.0
+    orientations: bool = True
+    orientation_sigma: float = 0.03
     hold_after_s: float = 0.5
     relocalise: bool = True
     neighbours: NeighbourSettings = field(default_factory=NeighbourSettings)
@@ -100,10 +107,20 @@ class Reconstructor:
     """Trackers that are this far off after all were missing start anew."""
 
     def __init__(
-        self, database: MotionDatabase, skeleton: Skeleton | None = None, settings: SolverSettings | None = None
+        self,
+        database: MotionDatabase,
+        skeleton: Skeleton | None = None,
+        settings: SolverSettings | None = None,
+        predictor: Predictor | None = None,
+        mounting: Mounting | None = None,
     ):
-        """skeleton: the performer's; the database's own where None. Raises SettingError where its joints differ."""
+        """skeleton: the performer's; the database's own where None. predictor: in place of the settings' method.
+        mounting: how the trackers sit; in the joints where None.
+
+        Raises SettingError where the skeleton's joints differ.
+        """
         self.database = database
+        self.mounting = mounting or Mounting.at_the_joints()
         self.settings = settings or SolverSettings()
         skeleton = skeleton or database.space.skeleton
         if not database.space.skeleton.same_tree(skeleton):
@@ -117,11 +134,12 @@ class Reconstructor:
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._lower, self._upper = np.asarray(database.bounds, np.float64).T.copy()
         self._lower[:ROOT_DOF], self._upper[:ROOT_DOF] = -np.inf, np.inf
-        self._predictor = _predictor(database, self.scale, self.settings)
+        self._predictor = predictor or _predictor(database, self.scale, self.settings)
         self._matcher = TrackerMatcher(database)
         self._relocaliser = Relocaliser(self._matcher)
         self._return = TrackerReturn()
         self._easing = PoseEasing()
+        self._gate = OrientationGate()
         self.reset()
         self._warm_up()
 
@@ -137,6 +155,7 @@ class Reconstructor:
         self._noise = NoiseMeter()
         self._return.reset()
         self._easing.reset()
+        self._gate.reset()
         self._relocaliser.reset()
         self._last_measured_s = -np.inf
         self._last: Solution | None = None
@@ -166,8 +185,8 @@ class Reconstructor:
         heading = self._past[-1].heading
         prediction = self._predictor.predict(self._past, self._filled(positions))
         predicted = perf_counter_ns()
-        effectors = self._effectors(positions, heading)
-        problem = MapProblem(self._body, prediction.prior, effectors, self._lower, self._upper)
+        points = effectors(self._measurement(frame, positions), self._role_joints, self.mounting, heading)
+        problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
         found = self._solver.solve(problem, prediction.prior.mean)
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
@@ -176,7 +195,11 @@ class Reconstructor:
         shown = self._easing.eased(pose)
         stages = {"prior": predicted - began, "map": solved - predicted, "rest": perf_counter_ns() - solved}
         self._last = Solution(
-            shown, frozen(self._sigma(found)), prediction.coverage, frozen(footings(frame, False)), stages
+            shown,
+            frozen(self._sigma(found, prediction.coverage)),
+            prediction.coverage,
+            frozen(footings(frame, False)),
+            stages,
         )
         return self._last
 
@@ -207,23 +230,26 @@ class Reconstructor:
         return self._return.eased(frame, expected)
 
     def _filled(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Tracker positions (6, 3) seen from the last heading frame, missing ones where their joints would go on to."""
-        seen = seen_from(positions[None], _WORLD[None], self._past[-1].heading[None])[0]
-        return np.where(np.isfinite(seen), seen, self._going_on())
+        """Tracked joints (6, 3) seen from the last heading frame, where no tracker tells where they would go on to."""
+        last = self._past[-1]
+        seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
+        return np.where(np.isfinite(seen), seen, self._going_on()) - last.arms
 
     def _going_on(self) -> NDArray[np.float64]:
-        """Where (6, 3) the tracked joints come to when they move on as they did, seen from the last heading frame."""
+        """Where (6, 3) the trackers come to when they move on as they did, seen from the last heading frame."""
         before, last = self._past[-2], self._past[-1]
-        earlier = seen_from(before.joints[None, self._role_joints], before.heading[None], last.heading[None])[0]
-        return 2 * last.joints[self._role_joints] - earlier
+        points = (before.joints[self._role_joints] + before.arms)[None]
+        earlier = seen_from(points, before.heading[None], last.heading[None])[0]
+        return 2 * (last.joints[self._role_joints] + last.arms) - earlier
 
-    def _effectors(self, positions: NDArray[np.float64], heading: NDArray[np.float64]) -> Effectors:
-        """The measured positions as points on the body, seen from a heading frame."""
+    def _measurement(self, frame: TrackerFrame, positions: NDArray[np.float64]) -> Measurement:
         s = self.settings
-        roles = np.flatnonzero(np.isfinite(positions[:, 0]))
-        targets = seen_from(positions[None, roles], _WORLD[None], heading[None])[0]
         sigma = max(s.tracker_sigma_m, s.noise_gain * self._noise.sigma_m)
-        return Effectors(self._role_joints[roles], np.zeros((len(roles), 3)), targets, np.full(len(roles), 1 / sigma))
+        orientations = np.full_like(frame.orientations, np.nan)
+        if s.orientations and np.isfinite(frame.orientations).any():
+            off = multiply(inverse(self._past[-1].role_rotations), self.mounting.joint_rotations(frame.orientations))
+            orientations = self._gate.passed(frame.orientations, np.linalg.norm(logarithm(off), axis=-1))
+        return Measurement(positions, orientations, sigma, s.orientation_sigma)
 
     def _remember(self, pose: Pose) -> None:
         heading = self.space.heading(pose.root_position, pose.rotations[0])
@@ -232,7 +258,9 @@ class Reconstructor:
 
     def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
         place(self._body, q, self._state)
-        return SolvedPose(q, heading, self._state.position.copy())
+        turned = Rotation.from_matrix(self._state.world[self._role_joints]).as_quat()
+        in_world = multiply(np.tile(about_up(heading[2]), (len(ROLES), 1)), turned)
+        return SolvedPose(q, heading, self._state.position.copy(), self.mounting.arms(turned), in_world)
 
     def _adopt(self, matches: Matches, last: int) -> None:
         """Takes poses around the best matching row as the past, up to the one `last` frames after it."""
@@ -262,13 +290,16 @@ class Reconstructor:
             self._adopt(found, last=0)
             self._easing.begin()
 
-    def _sigma(self, found: MapSolution) -> NDArray[np.float64]:
-        """(J,) radians: the root of a joint's summed posterior variance over its three directions."""
+    def _sigma(self, found: MapSolution, coverage: float) -> NDArray[np.float64]:
+        """(J,) radians: the root of a joint's summed posterior variance over its three directions, calibrated.
+
+        Laplace's approximation knows how the neighbours differ, not how far all of them are from the truth. The
+        factor was fitted once to errors on motion capture by coverage.
+        """
         variance = np.einsum("ij,ij->i", found.covariance_root, found.covariance_root)[3:].reshape(-1, 3).sum(axis=1)
-        sigma = np.zeros(len(self.space.skeleton))
-        sigma[0] = np.sqrt(variance[0])
-        sigma[self.space.moving] = np.sqrt(variance[1:])
-        return sigma
+        sigma = np.zeros(len(self.skeleton))
+        sigma[[0, *self.space.moving]] = np.sqrt(variance) * max(0.95, 1.3 * coverage**0.75)
+        return np.minimum(sigma, np.pi)
 
     def _warm_up(self) -> None:
         """Solves a few frames of the database, so that everything is compiled and loaded, and forgets them."""
@@ -298,11 +329,13 @@ def reconstruct(
     skeleton: Skeleton | None = None,
     settings: SolverSettings | None = None,
     progress: Progress = no_progress,
+    predictor: Predictor | None = None,
+    mounting: Mounting | None = None,
 ) -> Reconstruction:
     """Solves a whole take of frames one database period apart; the same input gives the same bits."""
     if not frames:
         raise SettingError("a take without frames cannot be solved")
-    solver = Reconstructor(database, skeleton, settings)
+    solver = Reconstructor(database, skeleton, settings, predictor, mounting)
     solver.start(frames[: 1 - int(OFFSETS.min())])
     solutions = []
     for number, frame in enumerate(frames):
