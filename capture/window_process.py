@@ -58,7 +58,10 @@ def show_apart(
     until: Callable[[], bool] | None,
     pictures: int | None,
 ) -> None:
-    """`capture.viewer.show` with the drawing elsewhere. Scenes and actions are still called from this thread."""
+    """`capture.viewer.show` with the drawing elsewhere. Scenes and actions are still called from this thread.
+
+    Raises SixpointError where no window can be opened, or where it is lost other than by being closed.
+    """
     keys = {key: action.text for key, action in actions.items()}
     opening = _Opening(title, width, height, layers, keys, source.duration_s, source.frame_s, pictures)
     context = multiprocessing.get_context("spawn")
@@ -74,7 +77,10 @@ def show_apart(
         if process.is_alive():
             process.terminate()
             process.join()
+        status = process.exitcode
         process.close()
+    if status:
+        raise SixpointError(f"the window is lost: its process ended with status {status}")
 
 
 def _serve(

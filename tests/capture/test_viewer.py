@@ -11,11 +11,13 @@ from capture.scene import Camera, Lines, Scene, Spheres, Surface
 from devices.errors import SixpointError
 
 SCRIPT = """
+import multiprocessing
 import sys
 import numpy as np
 from capture.raster import save_png
 from capture.viewer import show, snapshot
 from capture.viewing import Action, Layers
+from devices.errors import SixpointError
 from tests.capture.test_viewer import picture
 
 save_png(snapshot(picture(), 320, 200), sys.argv[1])
@@ -34,13 +36,23 @@ print("pictures", source.asked)
 class Live(Turning):
     duration_s = None
 
-if __name__ == "__main__":
-    live = Live()
-    show(live, pictures=5, layers=Layers(lattice=True))
-    print("live", live.asked)
-    ending = Live()
-    show(ending, until=lambda: ending.asked == 4, layers=Layers(lattice=True))
-    print("until", ending.asked)
+live = Live()
+show(live, pictures=5, layers=Layers(lattice=True))
+print("live", live.asked)
+ending = Live()
+show(ending, until=lambda: ending.asked == 4, layers=Layers(lattice=True))
+print("until", ending.asked)
+
+class Killing(Live):
+    def scene(self, time_s, layers):
+        if self.asked == 2:
+            multiprocessing.active_children()[0].kill()
+        return super().scene(time_s, layers)
+
+try:
+    show(Killing(), layers=Layers(lattice=True))
+except SixpointError as error:
+    print("lost" if "the window is lost" in str(error) else error)
 """
 
 
@@ -68,7 +80,7 @@ def test_the_window_shows_surfaces_marks_and_words_on_a_virtual_screen(tmp_path)
     command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", SCRIPT, str(path)]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["pictures", "7", "live", "5", "until", "4"]
+    assert done.stdout.split() == ["pictures", "7", "live", "5", "until", "4", "lost"]
     seen = np.asarray(Image.open(path)).astype(int)
     assert seen.shape == (200, 320, 3)
     red = (seen[..., 0] > 100) & (seen[..., 1] < 90) & (seen[..., 2] < 90)
