@@ -1,5 +1,6 @@
 """Devices by name and port: makes the driver of any protocol on the link it speaks over."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from devices.errors import SettingError
@@ -9,7 +10,12 @@ from devices.serial_link import SerialLink
 
 
 def make_device(
-    protocol: str, port: str = "", *, name: str | None = None, baud: int | None = None, **options: object
+    protocol: str,
+    port: str = "",
+    *,
+    name: str | None = None,
+    baud: int | None = None,
+    options: Mapping[str, object] | None = None,
 ) -> LinkedDevice:
     """A driver, not yet open.
 
@@ -17,7 +23,7 @@ def make_device(
     device's path; "" for the only one that fits. name: what the session calls it, by default the protocol's name.
     baud: instead of the protocol's own. options: the protocol's. Raises SettingError for an unknown name or option.
     """
-    spoken = make_protocol(protocol, **options)
+    spoken = make_protocol(protocol, **options or {})
     if spoken.link == "hid":
         from devices.hid_link import HidLink
 

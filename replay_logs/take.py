@@ -10,7 +10,7 @@ import json
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import IO
@@ -25,7 +25,8 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.axes import Quaternion, Vector
 from devices.driver import RawChunk
-from devices.errors import FileError
+from devices.errors import FileError, SettingError
+from devices.filters import GateSettings, OneEuroSettings
 from devices.intake import DeviceIntake, RoleReading
 from devices.protocols import make_protocol
 from devices.protocols.protocol import DeviceProtocol
@@ -41,7 +42,8 @@ _RECORD_HEAD = struct.Struct("<BQ")
 class RecordedDevice:
     """What a take says of one of its devices.
 
-    options: of its protocol. assignment: tracker -> role. room: where it stood.
+    options: of its protocol. assignment: tracker -> role. room: where it stood. gate, smoothing: what was done against
+    outliers and noise.
     """
 
     name: str
@@ -49,14 +51,16 @@ class RecordedDevice:
     options: Mapping[str, object] = field(default_factory=dict)
     assignment: Mapping[str, str] = field(default_factory=dict)
     room: RoomTransform = field(default_factory=RoomTransform)
+    gate: GateSettings | None = field(default_factory=GateSettings)
+    smoothing: OneEuroSettings | None = None
 
     def make_protocol(self) -> DeviceProtocol:
         """A fresh protocol that reads this device's bytes."""
         return make_protocol(self.protocol, **self.options)
 
     def intake(self) -> DeviceIntake:
-        """A fresh intake with this device's assignment and place."""
-        return DeviceIntake(self.assignment, self.room)
+        """A fresh intake as the session had it."""
+        return DeviceIntake(self.assignment, self.room, self.gate, self.smoothing)
 
     def to_metadata(self) -> dict[str, str]:
         """As MCAP channel metadata: text values, structured ones as JSON."""
@@ -67,12 +71,14 @@ class RecordedDevice:
             "options": json.dumps(self.options),
             "assignment": json.dumps(self.assignment),
             "room": json.dumps(room),
+            "gate": json.dumps(self.gate and asdict(self.gate)),
+            "smoothing": json.dumps(self.smoothing and asdict(self.smoothing)),
         }
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> "RecordedDevice":
-        """Raises KeyError or ValueError where it is not what `to_metadata` wrote."""
-        room = json.loads(metadata["room"])
+        """Raises KeyError, TypeError or ValueError where it is not what `to_metadata` wrote."""
+        room, gate, smoothing = (json.loads(metadata[name]) for name in ("room", "gate", "smoothing"))
         rotation: Quaternion = tuple(map(float, room["rotation_xyzw"]))  # type: ignore[assignment]
         translation: Vector = tuple(map(float, room["translation_m"]))  # type: ignore[assignment]
         return cls(
@@ -81,6 +87,8 @@ class RecordedDevice:
             json.loads(metadata["options"]),
             json.loads(metadata["assignment"]),
             RoomTransform(rotation, translation),
+            gate and GateSettings(**gate),
+            smoothing and OneEuroSettings(**smoothing),
         )
 
 
@@ -212,5 +220,5 @@ def _assemble(path: Path, records: _Records) -> Take:
 def _device(path: Path, channel: Channel) -> RecordedDevice:
     try:
         return RecordedDevice.from_metadata(channel.metadata)
-    except (KeyError, ValueError, TypeError):
+    except (KeyError, ValueError, TypeError, SettingError):
         raise FileError(f"{path}: channel {channel.topic} does not describe its device as sixpoint does") from None

@@ -64,6 +64,7 @@ def doctor(
     seconds: Annotated[float, typer.Option(min=2, max=3600, help="How long to listen.")] = 8.0,
     assign: Annotated[bool, typer.Option("--assign", help="Find who wears what: walk forward meanwhile.")] = False,
     roles: Annotated[str | None, typer.Option(help="With --assign: the roles that are worn, with commas.")] = None,
+    option: Annotated[list[str] | None, typer.Option(help="The device's own: name=value; may be repeated.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a device: rate, loss, jitter, noise at rest and clock drift of each tracker, with a verdict.
@@ -75,9 +76,11 @@ def doctor(
     from devices.assignment import find_assignment
     from devices.errors import DeviceError
     from devices.health import diagnose
+    from devices.protocols import option_from_text
     from devices.registry import make_device
 
-    opened = make_device(device, port, baud=baud)
+    options = dict(option_from_text(device, text) for text in option or ())
+    opened = make_device(device, port, baud=baud, options=options)
     worn = tuple(role.strip() for role in roles.split(",")) if roles else None
     opened.open()
     try:
@@ -189,25 +192,31 @@ def simulate(
     unplug_at: Annotated[float | None, typer.Option(min=0, help="Pull the cable out after so many seconds.")] = None,
     replug_after: Annotated[float, typer.Option(min=0, help="Put it back so many seconds later.")] = 2.0,
     loop: Annotated[bool, typer.Option("--loop", help="Play on, forwards and backwards, until interrupted.")] = False,
+    option: Annotated[list[str] | None, typer.Option(help="The device's own: name=value; may be repeated.")] = None,
     seed: Annotated[int, typer.Option(help="Of noise, dropouts and garbage.")] = 0,
 ) -> None:
     """Be a tracker device: a motion's tracker positions as the device's bytes on a pseudo-terminal.
 
     Prints the port to open, and begins when it is opened.
     """
-    from devices.protocols import make_protocol
+    from devices.errors import SettingError
+    from devices.protocols import make_protocol, option_from_text
     from devices.sample import ROLES
-    from devices.simulators.pty_simulator import simulate_device
-    from devices.simulators.source import Faults
+    from devices.simulators.pty_simulator import PtySimulator
+    from devices.simulators.source import Faults, measurements
 
-    chosen = make_protocol(device)
+    options = dict(option_from_text(device, text) for text in option or ())
+    chosen = make_protocol(device, **options)
+    if chosen.link == "hid":
+        raise SettingError(
+            f"device {device} is a HID device: only serial devices have a pseudo-terminal to be simulated on"
+        )
     rate_hz = rate or chosen.rate_hz
     roles = tuple(role.strip() for role in trackers.split(",")) if trackers else ROLES[: chosen.max_trackers]
     measured = _trackers_of(motion, roles, rate_hz)
     faults = Faults(noise_m=noise_mm / 1000, dropout=dropout, seed=seed)
-    with simulate_device(
-        measured, device, roles=roles, rate_hz=rate_hz, faults=faults, loop=loop, garbage=garbage, link=port
-    ) as simulator:
+    source = measurements(measured, rate_hz, faults, loop)
+    with PtySimulator(chosen.simulator(roles), source, garbage=garbage, link=port, seed=seed) as simulator:
         print(port or simulator.path, flush=True)
         _play(simulator, unplug_at, replug_after)
         # The host still has to read what lies in the port.

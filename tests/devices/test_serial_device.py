@@ -197,7 +197,7 @@ def test_unknown_devices_and_options_list_the_valid_ones():
     with pytest.raises(SettingError, match=r"unknown device 'polhemus'.*generic"):
         make_device("polhemus")
     with pytest.raises(SettingError, match=r"unknown option of device generic 'axis'.*axes"):
-        make_device("generic", axis="FRD")
+        make_device("generic", options={"axis": "FRD"})
     with pytest.raises(SettingError, match="no baud rate"):
         make_device("generic-hid", baud=9600)
 

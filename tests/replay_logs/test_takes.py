@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 
 from devices.driver import Driver, RawChunk, Reading
 from devices.errors import FileError, SettingError
+from devices.filters import GateSettings, OneEuroSettings
 from devices.protocols import make_protocol
 from devices.room import RoomTransform
 from devices.sample import ROLES, TrackerSample
@@ -20,8 +21,9 @@ from tests.devices.motions import waving
 from tests.replay_logs.recordings import read_out, record_simulated
 
 DEVICE = RecordedDevice(
-    "suit", "generic", {"axes": "FLU"}, {"1": "head"}, RoomTransform((0.0, 0.6, 0.0, 0.8), (1.0, 0.0, -2.0))
-)
+    "suit", "generic", {"axes": "FLU"}, {"1": "head"}, RoomTransform((0.0, 0.6, 0.0, 0.8), (1.0, 0.0, -2.0)),
+    GateSettings(10.0, 3, 0.5), OneEuroSettings(1.0, 2.0, 3.0),
+)  # fmt: skip
 
 
 def read_or_none(path) -> Take | None:
@@ -45,7 +47,9 @@ def test_a_take_gives_back_samples_bytes_and_what_made_it(tmp_path):
 
 
 def test_a_device_is_described_completely():
-    assert RecordedDevice.from_metadata(DEVICE.to_metadata()) == DEVICE
+    bare = replace(DEVICE, gate=None, smoothing=None)
+    for device in (DEVICE, bare):
+        assert RecordedDevice.from_metadata(device.to_metadata()) == device
 
 
 def test_other_tools_find_poses_in_it(tmp_path):
