@@ -71,5 +71,5 @@ def pictures(
 ) -> Iterator[NDArray[np.uint8]]:
     """A picture (H, W, 3) sRGB of each frame; size: width and height in pixels."""
     stage, layers = Stage(character.skeleton, character), layers or Layers()
-    for joints, mesh in deformed_frames(character, motion, settings, progress):
-        yield render(stage.scene(None, joints, mesh, layers), *size)
+    for number, (joints, mesh) in enumerate(deformed_frames(character, motion, settings, progress)):
+        yield render(stage.scene(number / motion.fps, None, joints, mesh, layers), *size)
