@@ -1,0 +1,92 @@
+"""`sixpoint devices`, `simulate` and `doctor` as a user runs them."""
+
+import json
+import threading
+import time
+
+import pytest
+
+from capture.commands.devices import devices, doctor, simulate
+from devices.errors import DeviceError, FileError, SettingError
+from devices.protocols import protocols
+from devices.registry import make_device
+from devices.sample import ROLES, TrackerSample
+from replay_logs.csv_tracks import write_tracks_csv
+from replay_logs.golden_takes import FOLDER, walking_on_the_spot
+
+
+@pytest.fixture
+def tracks(tmp_path):
+    """A tracks file of someone who marches on the spot."""
+    motion = walking_on_the_spot(ROLES, 3.5, fps=60)
+    path = tmp_path / "tracks.csv"
+    write_tracks_csv(
+        path,
+        [
+            TrackerSample(role, round(i / 60 * 1e9), tuple(place))
+            for i, row in enumerate(motion.positions)
+            for role, place in zip(ROLES, row, strict=True)
+        ],
+    )
+    return path
+
+
+class Simulated:
+    """`sixpoint simulate` in a thread, on a port of a known name."""
+
+    def __init__(self, motion, port, **options) -> None:
+        self.port = port
+        self._thread = threading.Thread(target=simulate, args=(motion,), kwargs={"port": port, **options}, daemon=True)
+
+    def __enter__(self) -> str:
+        self._thread.start()
+        end = time.perf_counter() + 20
+        while not self.port.exists() and time.perf_counter() < end:
+            time.sleep(0.02)
+        return str(self.port)
+
+    def __exit__(self, *_) -> None:
+        self._thread.join(20)
+        assert not self._thread.is_alive()
+
+
+def test_devices_lists_what_can_be_read(capsys):
+    devices(as_json=True)
+    listed = json.loads(capsys.readouterr().out)
+    assert {device["name"] for device in listed["devices"]} == set(protocols())
+    devices()
+    assert "Polhemus FASTRAK" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("motion", ["tracks", "take"])
+def test_a_tracks_file_or_a_take_is_streamed(motion, tracks, tmp_path, capsys):
+    source = tracks if motion == "tracks" else FOLDER / "generic.mcap"
+    with Simulated(source, tmp_path / "port", noise_mm=1.0) as port:
+        device = make_device("generic", port)
+        device.open()
+        assert set(device.role_hints.values()) == set(ROLES)
+        assert any(device.read(0.2).samples for _ in range(20))
+        device.close()
+    assert "samples" in capsys.readouterr().out
+
+
+def test_the_doctor_measures_a_simulated_device(tracks, tmp_path, capsys):
+    with Simulated(tracks, tmp_path / "port", trackers="left_wrist,right_wrist", rate=100.0) as port:
+        doctor("generic", port, seconds=2.0, as_json=True)
+    report = json.loads(next(line for line in capsys.readouterr().out.splitlines() if line.startswith("{")))
+    assert [tracker["tracker"] for tracker in report["trackers"]] == ["1", "2"]
+    assert report["trackers"][0]["rate_hz"] == pytest.approx(100, rel=0.2)
+    assert report["smoothing_lag_ms"]["2.0"] < report["smoothing_lag_ms"]["0.1"]
+
+
+def test_wrong_arguments_are_one_line_each(tracks, tmp_path):
+    with pytest.raises(SettingError, match="unknown tracker role 'hand'"):
+        simulate(tracks, trackers="hand")
+    with pytest.raises(SettingError, match="unknown device"):
+        simulate(tracks, device="wand")
+    with pytest.raises(SettingError, match="hydra is a HID device"):
+        simulate(tracks, device="hydra")
+    with pytest.raises(FileError, match="simulate takes"):
+        simulate(tmp_path / "motion.txt")
+    with pytest.raises(DeviceError, match="does not exist"):
+        doctor("generic", "/dev/ttyUSB77", seconds=2.0)
