@@ -1,6 +1,7 @@
 """The `sixpoint` command: puts the command groups together and turns every error into one line."""
 
 import errno
+import os
 import sys
 from collections.abc import Callable
 
@@ -74,7 +75,13 @@ def _os_message(error: OSError) -> str:
 
 
 def script() -> None:
-    """The console script's entry point."""
+    """The console script's entry point.
+
+    Numerical libraries get one thread each, unless the user's environment says otherwise: what is worked out for one
+    frame is too small to share, and threads that wait for each other on a busy machine cost tens of milliseconds.
+    """
+    for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(pool, "1")
     sys.exit(main())
 
 
