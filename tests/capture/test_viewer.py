@@ -36,9 +36,6 @@ print("pictures", source.asked)
 class Live(Turning):
     duration_s = None
 
-live = Live()
-show(live, pictures=5, layers=Layers(lattice=True))
-print("live", live.asked)
 ending = Live()
 show(ending, until=lambda: ending.asked == 4, layers=Layers(lattice=True))
 print("until", ending.asked)
@@ -80,7 +77,7 @@ def test_the_window_shows_surfaces_marks_and_words_on_a_virtual_screen(tmp_path)
     command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", SCRIPT, str(path)]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["pictures", "7", "live", "5", "until", "4", "lost"]
+    assert done.stdout.split() == ["pictures", "7", "until", "4", "lost"]
     seen = np.asarray(Image.open(path)).astype(int)
     assert seen.shape == (200, 320, 3)
     red = (seen[..., 0] > 100) & (seen[..., 1] < 90) & (seen[..., 2] < 90)
