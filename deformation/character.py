@@ -10,7 +10,7 @@ from deformation.heat_weights import heat_weights, separate_branches, skeleton_b
 from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
 from deformation.materials import default_softness
 from deformation.mesh import Mesh
-from deformation.skinning import Binding, bind_centres
+from deformation.skinning import Binding, bind_points
 from deformation.volume import VolumeParts, volume_parts
 from devices.errors import SettingError
 from devices.frame import frozen
@@ -92,7 +92,7 @@ def make_character(
         on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
     joints, weights = (frozen(a) for a in strongest(coarser(fine_weights, fine, lattice, parents)))
-    binding = bind_centres(skeleton, positions, joints, weights)
+    binding = bind_points(skeleton, positions, joints, weights)
     return Character(
         name,
         mesh,

@@ -26,11 +26,17 @@ _LONE_BONE = 0.5
 _SIDE_BRANCH = 0.5
 """How far a bone reaches towards a branch that leaves it sideways, hips to thigh: beyond, the flesh is the branch's."""
 
-_TRADE = 3.0
+_TRADE = 6.0
 """Heat that a particle one cell from its nearest bone trades with it, against unit conductance along the lattice."""
 
 _RELATED = 4
 """Steps in the skeleton between bones that may claim each other's flesh through the air."""
+
+_CANDIDATES = 6
+"""How many of the nearest bones are looked at for one in sight."""
+
+_SIGHT = np.linspace(0.1, 0.7, 5)
+"""Where the way from a bone to a particle is looked at; the particle itself may stand a cell outside."""
 
 _OUTSIDE = 2.0
 """A bone whose middle is so many cells from all of the body drives nothing: a root that stands on the floor, say."""
@@ -123,12 +129,13 @@ def bone_distances(bones: Bones, points: NDArray[np.float64]) -> NDArray[np.floa
 def nearest_bones(lattice: Lattice, bones: Bones, skeleton: Skeleton) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """(P,) the bone nearest to each particle and (P,) metres to it less its width, never below zero.
 
-    Nearest is meant within the body. Where the bone nearest through the air (a hand beside a thigh) is no near relative
-    in the skeleton of the one nearest along the lattice, the latter counts. A piece of the lattice that no bone comes
-    near belongs to the bone nearest through the air.
+    Nearest is meant within the body: of the bones in sight, none of which is hidden behind air (an arm seen from the
+    flank). Where limbs touch (a hand on a thigh) and the bone in sight is no near relative in the skeleton of the one
+    nearest along the lattice, the latter counts.
     """
     gap = bone_distances(bones, lattice.particles) - bones.width
-    nearest, straight = gap.argmin(axis=1), np.maximum(gap.min(axis=1), 0)
+    nearest = _nearest_in_sight(lattice, bones, gap)
+    straight = np.maximum(gap[np.arange(len(gap)), nearest], 0)
     sources = np.flatnonzero(straight <= 0)
     if not len(sources):
         return nearest, straight
@@ -138,6 +145,18 @@ def nearest_bones(lattice: Lattice, bones: Bones, skeleton: Skeleton) -> tuple[N
     within = np.where(np.isfinite(around), nearest[np.maximum(source, 0)], nearest)
     apart = joints_apart(skeleton)[bones.joints[nearest], bones.joints[within]] > _RELATED
     return np.where(apart, within, nearest), np.where(apart, around, straight)
+
+
+def _nearest_in_sight(lattice: Lattice, bones: Bones, gap: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(P,) the nearest bone to which the straight way leads through the body; the nearest one where there is none."""
+    candidates = np.argsort(gap, axis=1)[:, :_CANDIDATES]
+    head, along = bones.heads[candidates], (bones.tails - bones.heads)[candidates]
+    away = lattice.particles[:, None, :] - head
+    share = np.clip(np.einsum("pci,pci->pc", away, along) / np.einsum("pci,pci->pc", along, along), 0, 1)
+    goal = head + share[..., None] * along
+    on_the_way = goal[:, :, None, :] + _SIGHT[:, None] * (lattice.particles[:, None, None, :] - goal[:, :, None, :])
+    seen = lattice.voxels.holds(on_the_way).all(axis=2)
+    return np.take_along_axis(candidates, seen.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
 def joints_apart(skeleton: Skeleton) -> NDArray[np.int64]:

@@ -37,6 +37,7 @@ class Lattice:
     particles: (P, 3) metres, rest positions x^0.
     cells: (C, 8) int32 particle of each corner, in the order of `CORNERS`.
     vertex_cells: (V,) int32 the cell each mesh vertex rides in; vertex_fractions: (V, 3) in [0, 1], where in it.
+    voxels: the body inside.
     """
 
     cell_size: float
@@ -44,6 +45,7 @@ class Lattice:
     cells: NDArray[np.int32]
     vertex_cells: NDArray[np.int32]
     vertex_fractions: NDArray[np.float64]
+    voxels: Voxels
 
     @property
     def vertex_weights(self) -> NDArray[np.float64]:
@@ -288,6 +290,7 @@ def _lattice(
         frozen(cells),
         frozen(vertex_cells.astype(np.int32)),
         frozen(np.ascontiguousarray(fractions)),
+        voxels,
     )
 
 

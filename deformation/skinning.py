@@ -1,8 +1,9 @@
-"""Particles on bones, and the mesh on particles: the primary deformation (paper III-B, eq. 1 and 2).
+"""Points on bones: the primary deformation (paper III-B, eq. 1 and 2).
 
-Blending matrices linearly shrinks what twists or bends (eq. 1). The paper replaces the blend by its rotation from a
-polar decomposition (eq. 2) without saying about which point to turn. Here that is the joint between a particle's
-bones: both bones agree where it goes, and a twisted forearm keeps its girth.
+Blending matrices linearly (eq. 1) shrinks what twists. The paper replaces the blend by its rotation from a polar
+decomposition (eq. 2) without saying about which point to turn. Here that is the joint between a point's bones: both
+bones agree where it goes, and a twisted forearm keeps its girth. Turned so, a bent joint bulges on its outside; where
+a joint swings more than it twists the blend is therefore linear in part, and the volume is kept afterwards.
 """
 
 from dataclasses import dataclass
@@ -15,51 +16,80 @@ from deformation.polar import polar, polar_reference
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
 
+_LEAST_TURN = 0.6
+"""Share of the rotational blend at a joint that only swings; one that only twists has all of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Binding:
     """Points bound to joints, at most four each.
 
-    joints: (N, 4) int32; weights: (N, 4), rows sum to 1; centres: (N, 3) metres, rest pose, what points turn about.
+    joints: (N, 4) int32; weights: (N, 4), rows sum to 1. centres: (N, 3) metres, rest pose, what points turn about.
+    hinges: (N, 4) int32 the joints between a point's bones; hinge_weights: (N, 4), rows sum to 1.
+    axes: (J, 3) unit, rest pose, along each joint's bone: a turn about it is a twist.
     """
 
     joints: NDArray[np.int32]
     weights: NDArray[np.float64]
     centres: NDArray[np.float64]
+    hinges: NDArray[np.int32]
+    hinge_weights: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    parents: NDArray[np.int32]
 
 
-def bind_centres(
+def bind_points(
     skeleton: Skeleton, positions: NDArray[np.float64], joints: NDArray[np.int32], weights: NDArray[np.float64]
 ) -> Binding:
-    """Finds the centre that each point turns about: the joints between its bones, by the products of their weights.
+    """Finds the joints between each point's bones, by the products of the bones' weights, and their mean as its centre.
 
     positions: (J, 3) metres of the joints in the rest pose; joints, weights: (N, 4).
     """
-    between = _joints_between(skeleton, positions)
-    total = np.full(len(joints), 1e-12)
-    centre = positions[joints[:, 0]] * 1e-12
+    between = _joints_between(skeleton)
+    share = np.zeros((len(joints), len(skeleton)))
     for a in range(joints.shape[1]):
         for b in range(a + 1, joints.shape[1]):
-            share = weights[:, a] * weights[:, b]
-            centre += share[:, None] * between[joints[:, a], joints[:, b]]
-            total += share
-    return Binding(joints, weights, frozen(centre / total[:, None]))
+            share += (weights[:, a] * weights[:, b])[:, None] * between[joints[:, a], joints[:, b]]
+    alone = share.sum(axis=1) < 1e-9
+    share[alone, joints[alone, 0]] = 1
+    share /= share.sum(axis=1, keepdims=True)
+    hinges = np.argsort(-share, axis=1, kind="stable")[:, :4].astype(np.int32)
+    hinge_weights = np.take_along_axis(share, hinges, axis=1)
+    hinge_weights /= hinge_weights.sum(axis=1, keepdims=True)
+    return Binding(
+        joints,
+        weights,
+        frozen(share @ positions),
+        frozen(hinges),
+        frozen(hinge_weights),
+        frozen(_bone_axes(skeleton, positions)),
+        frozen(np.array(skeleton.parents, np.int32)),
+    )
 
 
-def _joints_between(skeleton: Skeleton, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(J, J, 3) metres: the middle of the joints on the way from one bone to another."""
-    chains = []
-    for joint in range(len(skeleton)):
-        chain = [joint]
-        while skeleton.parents[chain[-1]] >= 0:
-            chain.append(int(skeleton.parents[chain[-1]]))
-        chains.append(chain)
-    middle = np.zeros((len(skeleton), len(skeleton), 3))
-    for a, chain_a in enumerate(chains):
-        for b, chain_b in enumerate(chains):
-            apart = set(chain_a) ^ set(chain_b)
-            middle[a, b] = positions[sorted(apart)].mean(axis=0) if apart else positions[a]
-    return middle
+def _bone_axes(skeleton: Skeleton, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(J, 3) unit: from each joint to the middle of its children, or on from its parent where it has none."""
+    along = np.zeros_like(positions)
+    for joint, children in enumerate(skeleton.children):
+        if children:
+            along[joint] = positions[list(children)].mean(axis=0) - positions[joint]
+        if not along[joint].any() and skeleton.parents[joint] >= 0:
+            along[joint] = positions[joint] - positions[skeleton.parents[joint]]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    return np.divide(along, length, out=np.zeros_like(along), where=length > 1e-9)
+
+
+def _joints_between(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(J, J, J): for two bones, the share of each joint among those on the way from one to the other."""
+    above: list[set[int]] = []
+    for joint, parent in enumerate(skeleton.parents):
+        above.append({joint} | (above[parent] if parent >= 0 else set()))
+    share = np.zeros((len(skeleton),) * 3)
+    for a in range(len(skeleton)):
+        for b in range(len(skeleton)):
+            between = sorted(above[a] ^ above[b])
+            share[a, b, between] = 1 / max(len(between), 1)
+    return share
 
 
 def joint_motion(T_world_joint: NDArray[np.float64], bind_inverse: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -76,14 +106,29 @@ def linear_blend(motion: NDArray[np.float64], binding: Binding, rest: NDArray[np
     return np.einsum("nij,nj->ni", blended[:, :, :3], rest) + blended[:, :, 3]
 
 
+def twist_shares(motion: NDArray[np.float64], binding: Binding) -> NDArray[np.float64]:
+    """(J,) how much of each joint's turn against its parent is about its own bone: 0 a pure swing, 1 a pure twist."""
+    parent = motion[np.maximum(binding.parents, 0), :, :3]
+    turn = np.einsum("jki,jkl->jil", parent, motion[:, :, :3])
+    axis = np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+    )
+    size = np.einsum("ji,ji->j", axis, axis)
+    about = np.einsum("ji,ji->j", axis, binding.axes) ** 2
+    return np.divide(about, size, out=np.zeros_like(size), where=size > 1e-12)
+
+
 def blend_reference(
     motion: NDArray[np.float64], binding: Binding, rest: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Skinned points (N, 3) metres and rotations (N, 3, 3) in plain NumPy; arguments as for `linear_blend`."""
     blended = np.einsum("nk,nkij->nij", binding.weights, motion[binding.joints])
     rotation = polar_reference(blended[:, :, :3], motion[binding.joints[:, 0], :, :3])
+    twist = (twist_shares(motion, binding)[binding.hinges] * binding.hinge_weights).sum(axis=1)
+    rigid = (_LEAST_TURN + (1 - _LEAST_TURN) * twist)[:, None, None]
+    turn = rigid * rotation + (1 - rigid) * blended[:, :, :3]
     centre = np.einsum("nij,nj->ni", blended[:, :, :3], binding.centres) + blended[:, :, 3]
-    return centre + np.einsum("nij,nj->ni", rotation, rest - binding.centres), rotation
+    return centre + np.einsum("nij,nj->ni", turn, rest - binding.centres), rotation
 
 
 def blend(
@@ -94,11 +139,23 @@ def blend(
     rotations: NDArray[np.float64],
 ) -> None:
     """`blend_reference` compiled: writes into positions (N, 3) and rotations (N, 3, 3)."""
-    _blend(motion, binding.joints, binding.weights, binding.centres, rest, positions, rotations)
+    twist = _LEAST_TURN + (1 - _LEAST_TURN) * twist_shares(motion, binding)
+    _blend(
+        motion,
+        twist,
+        binding.joints,
+        binding.weights,
+        binding.centres,
+        binding.hinges,
+        binding.hinge_weights,
+        rest,
+        positions,
+        rotations,
+    )
 
 
 @kernel
-def _blend(motion, joints, weights, centres, rest, positions, rotations):
+def _blend(motion, twist, joints, weights, centres, hinges, hinge_weights, rest, positions, rotations):
     m = np.empty((3, 4))
     for n in range(len(rest)):
         m[:] = 0.0
@@ -117,11 +174,16 @@ def _blend(motion, joints, weights, centres, rest, positions, rotations):
         cx, cy, cz = centres[n, 0], centres[n, 1], centres[n, 2]
         x, y, z = rest[n, 0] - cx, rest[n, 1] - cy, rest[n, 2] - cz
         a00, a01, a02, a10, a11, a12, a20, a21, a22 = turn
+        rigid = 0.0
+        for k in range(hinges.shape[1]):
+            rigid += hinge_weights[n, k] * twist[hinges[n, k]]
         for i in range(3):
-            positions[n, i] = m[i, 0] * cx + m[i, 1] * cy + m[i, 2] * cz + m[i, 3]
-        positions[n, 0] += a00 * x + a01 * y + a02 * z
-        positions[n, 1] += a10 * x + a11 * y + a12 * z
-        positions[n, 2] += a20 * x + a21 * y + a22 * z
+            linear = m[i, 0] * x + m[i, 1] * y + m[i, 2] * z
+            centre = m[i, 0] * cx + m[i, 1] * cy + m[i, 2] * cz + m[i, 3]
+            positions[n, i] = centre + (1.0 - rigid) * linear
+        positions[n, 0] += rigid * (a00 * x + a01 * y + a02 * z)
+        positions[n, 1] += rigid * (a10 * x + a11 * y + a12 * z)
+        positions[n, 2] += rigid * (a20 * x + a21 * y + a22 * z)
         rotations[n, 0, 0], rotations[n, 0, 1], rotations[n, 0, 2] = a00, a01, a02
         rotations[n, 1, 0], rotations[n, 1, 1], rotations[n, 1, 2] = a10, a11, a12
         rotations[n, 2, 0], rotations[n, 2, 1], rotations[n, 2, 2] = a20, a21, a22

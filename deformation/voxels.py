@@ -6,9 +6,11 @@ two thighs that lie side by side stay apart although all their voxels touch.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -39,6 +41,18 @@ class Voxels:
     links: NDArray[np.int32]
     contacts: NDArray[np.int32]
     closed: bool
+
+    @cached_property
+    def body(self) -> NDArray[np.bool_]:
+        """The inside and one voxel around it, on the whole grid: what a straight line through the body stays in."""
+        filled = np.zeros(self.shape, bool)
+        filled[tuple(self.solid.T)] = True
+        return frozen(binary_dilation(filled))
+
+    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(...,) whether points (..., 3) metres lie in the body, to about a voxel."""
+        index = np.clip(np.floor((points - self.origin) / self.size).astype(np.int64), 0, np.array(self.shape) - 1)
+        return self.body[index[..., 0], index[..., 1], index[..., 2]]
 
 
 @dataclass(frozen=True, eq=False)
