@@ -43,9 +43,9 @@ class NeighbourIndex:
         found = numbers[0] >= 0
         return numbers[0][found], np.sqrt(np.maximum(squares[0][found], 0))
 
-    def vector(self, number: int) -> NDArray[np.float32]:
-        """The vector (F,) of a number."""
-        return self._index.reconstruct(number)
+    def vectors(self) -> NDArray[np.float32]:
+        """All vectors (n, F), in order: a copy."""
+        return self._index.reconstruct_n(0, len(self))
 
     def write(self, path: Path) -> None:
         """Writes the index to a file."""

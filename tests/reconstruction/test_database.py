@@ -117,7 +117,7 @@ def test_opening_says_what_is_wrong(tmp_path, database):
 
 def test_the_index_recalls_the_true_neighbours(database):
     rng = np.random.default_rng(0)
-    stored = np.array([database.index.vector(number) for number in range(len(database.windows))])
+    stored = database.index.vectors()
     for query in stored[rng.choice(len(stored), 20)] + rng.normal(0, 0.01, (20, stored.shape[1])).astype(np.float32):
         numbers, distances = database.index.nearest(query, 48)
         exact = np.sort(np.linalg.norm(stored - query, axis=1))[:48]
