@@ -168,10 +168,10 @@ class Scene:
         return replace(self, camera=self.camera.framed(self.points(), aspect, margin))
 
 
-def tracker_spheres(frame: TrackerFrame, radius: float = 0.035) -> Spheres:
+def tracker_spheres(frame: TrackerFrame, radius: float = 0.03) -> Spheres:
     """The trackers of one frame in the colours of their states; those without a position are left out."""
     colours = np.array([STATE_COLOURS[TrackerState(int(state))] for state in frame.states])
-    return Spheres(frame.positions, radius, colours, through=0.55)
+    return Spheres(frame.positions, radius, colours, through=0.4)
 
 
 def skeleton_marks(

@@ -1,4 +1,5 @@
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,3 +122,11 @@ def test_dragging_moves_the_picture_with_the_mouse():
     assert np.allclose(np.subtract(moved.target, camera.target), [-0.5 * height_m, 0, 0])
     controls.press("0")
     assert controls.camera(camera) == camera
+
+
+def test_the_page_on_the_window_names_every_key():
+    page = (Path(__file__).parents[2] / "docs" / "window.md").read_text()
+    table = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("|"))
+    for line in Controls(Playback(5.0)).help():
+        for key in line.split("\t")[0].split(" "):
+            assert key in table
