@@ -61,7 +61,8 @@ def open_stream(address: str, skeleton: Skeleton, reference: Pose | None = None)
     """The stream that an address like `vmc://127.0.0.1:39539` names.
 
     Schemes: `vmc` (port 39539 by default), `vrchat` (9000), `json` (6060). reference: any standing pose, needed for
-    skeletons whose rest pose is no pose of a person. Raises SettingError for another scheme or a wrong port, OSError.
+    skeletons whose rest pose is no pose of a person. Raises SettingError for another scheme, a wrong port or an unknown
+    host.
     """
     try:
         parts = urlsplit(address)
@@ -71,7 +72,13 @@ def open_stream(address: str, skeleton: Skeleton, reference: Pose | None = None)
     if parts.scheme not in _SCHEMES:
         raise choice_error("stream scheme", parts.scheme, _SCHEMES)
     encoder, usual_port = _SCHEMES[parts.scheme]
-    return PoseStream(parts.hostname or "127.0.0.1", port or usual_port, encoder(skeleton, reference))
+    host = parts.hostname or "127.0.0.1"
+    try:
+        return PoseStream(host, port or usual_port, encoder(skeleton, reference))
+    except socket.gaierror as error:
+        raise SettingError(
+            f"stream {address!r}: no host {host!r} is known; write it like vmc://127.0.0.1:39539"
+        ) from error
 
 
 def stream_motion(

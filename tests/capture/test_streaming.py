@@ -217,6 +217,8 @@ def test_wrong_addresses_are_told():
         open_stream("osc://127.0.0.1:9000", SKELETON)
     with pytest.raises(SettingError, match="write it like"):
         open_stream("vmc://127.0.0.1:99999999", SKELETON)
+    with pytest.raises(SettingError, match=r"no host 'nowhere\.invalid'"):
+        open_stream("vmc://nowhere.invalid", SKELETON)
 
 
 RECEIVER = """
