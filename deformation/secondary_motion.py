@@ -90,8 +90,7 @@ class SecondaryMotion:
         _show(skin, self._offsets[0], self._offsets[1], self._ahead_s / _STEP_S, settings.delta, self.softness, shown)
 
     def _jumped(self, skin: NDArray[np.float64], dt_s: float) -> bool:
-        moved = skin.mean(axis=0) - self._skin.mean(axis=0)
-        return not float(moved @ moved) <= (_TELEPORT_M_S * max(dt_s, _STEP_S)) ** 2
+        return not _mean_way(self._skin, skin) <= _TELEPORT_M_S * max(dt_s, _STEP_S)
 
     def _rest_on(self, skin: NDArray[np.float64]) -> None:
         self._x[:], self._skin[:], self._target[:] = skin, skin, skin
@@ -179,6 +178,17 @@ def _swing(x, v, skin, skin_velocity, goals, softness, delta, omega, damping, gr
             for i in range(3):
                 offsets[p, i] *= farthest / length
                 x[p, i], v[p, i] = skin[p, i] + offsets[p, i], skin_velocity[p, i]
+
+
+@kernel
+def _mean_way(before, after):
+    """How far, in metres, points (P, 3) have moved in the mean."""
+    x, y, z = 0.0, 0.0, 0.0
+    for p in range(len(before)):
+        x += after[p, 0] - before[p, 0]
+        y += after[p, 1] - before[p, 1]
+        z += after[p, 2] - before[p, 2]
+    return np.sqrt(x * x + y * y + z * z) / len(before)
 
 
 @kernel

@@ -139,7 +139,8 @@ def blend(
     rotations: NDArray[np.float64],
 ) -> None:
     """`blend_reference` compiled: writes into positions (N, 3) and rotations (N, 3, 3)."""
-    twist = _LEAST_TURN + (1 - _LEAST_TURN) * twist_shares(motion, binding)
+    twist = np.empty(len(motion))
+    _twist_shares(motion, binding.parents, binding.axes, twist)
     _blend(
         motion,
         twist,
@@ -152,6 +153,20 @@ def blend(
         positions,
         rotations,
     )
+
+
+@kernel
+def _twist_shares(motion, parents, axes, shares):
+    turn = np.empty((3, 3))
+    for joint in range(len(motion)):
+        above, own = motion[max(parents[joint], 0)], motion[joint]
+        for i in range(3):
+            for j in range(3):
+                turn[i, j] = above[0, i] * own[0, j] + above[1, i] * own[1, j] + above[2, i] * own[2, j]
+        x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
+        about = x * axes[joint, 0] + y * axes[joint, 1] + z * axes[joint, 2]
+        size = x * x + y * y + z * z
+        shares[joint] = about * about / size if size > 1e-12 else 0.0
 
 
 @kernel
@@ -177,6 +192,7 @@ def _blend(motion, twist, joints, weights, centres, hinges, hinge_weights, rest,
         rigid = 0.0
         for k in range(hinges.shape[1]):
             rigid += hinge_weights[n, k] * twist[hinges[n, k]]
+        rigid = _LEAST_TURN + (1.0 - _LEAST_TURN) * rigid
         for i in range(3):
             linear = m[i, 0] * x + m[i, 1] * y + m[i, 2] * z
             centre = m[i, 0] * cx + m[i, 1] * cy + m[i, 2] * cz + m[i, 3]
