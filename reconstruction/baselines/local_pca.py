@@ -36,7 +36,7 @@ class LocalPcaPredictor:
         near = self._finder.find(past, trackers)
         subspace = PCA(self.VARIANCE_KEPT, svd_solver="full").fit(near.following)
         mean, basis, variance = (
-            np.asarray(x) for x in (subspace.mean_, subspace.components_, subspace.explained_variance_)
+            np.asarray(x, np.float64) for x in (subspace.mean_, subspace.components_, subspace.explained_variance_)
         )
         inside = 1 / (variance + self.STRAY**2) - self.STRAY**-2
         dof = len(mean)
@@ -44,5 +44,5 @@ class LocalPcaPredictor:
         both = precision + self.SMOOTH**-2 * np.eye(dof)
         history = own_history(past)
         steady = 2 * history[:dof] - history[dof : 2 * dof]
-        centre = np.linalg.solve(both, precision @ mean + self.SMOOTH**-2 * steady)
+        centre: NDArray[np.float64] = np.linalg.solve(both, precision @ mean + self.SMOOTH**-2 * steady)
         return Prediction(GaussianPrior(centre, both), near.rows, near.coverage)

@@ -34,6 +34,10 @@ class StyleIkPredictor:
     """Radians: how far, for the latent point, a frame's pose may lie from the last one's."""
     FLOOR_DEVIATION = 0.05
     """Metres and radians: how far the root may stand and turn from where the latent pose was laid."""
+    LEAST_DEVIATION = 0.04
+    """Radians (metres): how sure of a degree of freedom the model may be at most."""
+    CLEARLY = 10.0
+    """By how much another start must lower L_IK before the last latent point is left."""
     STEPS = 12
 
     def __init__(self, database: MotionDatabase, scale: float, roles: Sequence[str], seed: int = 0):
@@ -54,18 +58,22 @@ class StyleIkPredictor:
         """See `Predictor`."""
         wanted = trackers[self._columns] / self._scale
         last = past[-1].q[self._free]
-        best = min(self._starts(wanted), key=lambda x: self._energy(x, wanted, last))
+        best = self._start(wanted, last)
         found = minimize(
             self._energy, best, (wanted, last), method="L-BFGS-B", options={"maxiter": self.STEPS, "ftol": 1e-5}
         )
         self._latent = found.x
         return Prediction(self._prior(found.x, wanted), np.zeros(0, np.int64), 1.0)
 
-    def _starts(self, wanted: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """The last latent point, and those of the active poses that fit the trackers best."""
+    def _start(self, wanted: NDArray[np.float64], last: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The last latent point, or, where one is clearly better, that of an active pose that fits the trackers."""
         errors = [_misfit(joints, wanted) for joints in self._tracked]
         starts = [self._model.latents[k] for k in np.argsort(errors)[:3]]
-        return starts if self._latent is None else [self._latent, *starts]
+        energies = [self._energy(x, wanted, last) for x in starts]
+        best = int(np.argmin(energies))
+        if self._latent is not None and self._energy(self._latent, wanted, last) < energies[best] + self.CLEARLY:
+            return self._latent
+        return starts[best]
 
     def _energy(self, latent: NDArray[np.float64], wanted: NDArray[np.float64], last: NDArray[np.float64]) -> float:
         """L_IK of a latent point (Q,): trackers, variance, latent prior, and nearness to the last pose."""
@@ -78,7 +86,8 @@ class StyleIkPredictor:
         pose, variance = self._model.pose(latent)
         x, z, yaw = planar_fit(self._placed(pose), wanted)
         mean, precision = np.empty(len(pose) + 3), np.empty(len(pose) + 3)
-        mean[self._free], precision[self._free] = pose, self._model.weights**2 / variance
+        mean[self._free] = pose
+        precision[self._free] = 1 / (variance / self._model.weights**2 + self.LEAST_DEVIATION**2)
         mean[_ON_THE_FLOOR], precision[_ON_THE_FLOOR] = (x, z, yaw), self.FLOOR_DEVIATION**-2
         mean[:3] *= self._scale
         return GaussianPrior(mean, np.diag(precision))
