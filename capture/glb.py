@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation
 from capture.colour import linear
 from capture.scene import CLAY
 from deformation.character import Character
+from deformation.character_files import Skin
 from deformation.mesh import vertex_normals
+from deformation.mesh_files.glb import GlbMaterial
 from devices.errors import SixpointError
 from reconstruction.motion import Motion
 from reconstruction.skeleton import Skeleton
@@ -29,10 +31,13 @@ _SHAPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTEX_TARGET, _INDEX_TARGET = 34962, 34963
 
 
-def write_glb(character: Character, motion: Motion, path: str | Path, colours: ArrayLike = CLAY) -> None:
+def write_glb(
+    character: Character, motion: Motion, path: str | Path, colours: ArrayLike = CLAY, skin: Skin | None = None
+) -> None:
     """Writes the character with its skeleton, weights and the motion, beside `path` and renamed into place.
 
     motion: of the character's tree of joints; its own bone lengths are used. colours: sRGB, (3,) or (V, 3).
+    skin: of the character's own mesh, with its materials and pictures; then `colours` are not used.
     Raises SixpointError where the motion belongs to another skeleton, OSError.
     """
     if not character.skeleton.same_tree(motion.skeleton):
@@ -40,7 +45,7 @@ def write_glb(character: Character, motion: Motion, path: str | Path, colours: A
     path = Path(path)
     partial = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_bytes(b"".join(_document(character, motion, colours).save_to_bytes()))
+        partial.write_bytes(b"".join(_document(character, motion, colours, skin).save_to_bytes()))
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
@@ -55,16 +60,12 @@ class _Buffer:
 
     def add(self, values: NDArray[Any], target: int | None = None, bounds: bool = False) -> int:
         """Appends (N,) or (N, C) values; returns their accessor's number."""
-        from pygltflib import Accessor, BufferView
+        from pygltflib import Accessor
 
         values = np.ascontiguousarray(values)
-        self.data.extend(b"\0" * (-len(self.data) % 4))
-        view = BufferView(buffer=0, byteOffset=len(self.data), byteLength=values.nbytes, target=target)
-        self.data.extend(values.tobytes())
-        self._gltf.bufferViews.append(view)
         rows = values.reshape(len(values), -1)
         accessor = Accessor(
-            bufferView=len(self._gltf.bufferViews) - 1,
+            bufferView=self._add_view(values.tobytes(), target),
             componentType=_COMPONENT[values.dtype],
             count=len(values),
             type=_SHAPE[rows.shape[1]],
@@ -74,8 +75,26 @@ class _Buffer:
         self._gltf.accessors.append(accessor)
         return len(self._gltf.accessors) - 1
 
+    def add_picture(self, data: bytes) -> int:
+        """Appends an encoded PNG or JPEG; returns the number of a texture that shows it."""
+        from pygltflib import Image, Texture
 
-def _document(character: Character, motion: Motion, colours: ArrayLike) -> "GLTF2":
+        kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
+        self._gltf.images.append(Image(bufferView=self._add_view(data, None), mimeType=kind))
+        self._gltf.textures.append(Texture(source=len(self._gltf.images) - 1))
+        return len(self._gltf.textures) - 1
+
+    def _add_view(self, data: bytes, target: int | None) -> int:
+        from pygltflib import BufferView
+
+        self.data.extend(b"\0" * (-len(self.data) % 4))
+        view = BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(data), target=target)
+        self.data.extend(data)
+        self._gltf.bufferViews.append(view)
+        return len(self._gltf.bufferViews) - 1
+
+
+def _document(character: Character, motion: Motion, colours: ArrayLike, skin: Skin | None) -> "GLTF2":
     from pygltflib import GLTF2, Asset, Buffer, Node, Scene, Skin
 
     gltf = GLTF2(asset=Asset(version="2.0", generator="sixpoint"))
@@ -84,8 +103,17 @@ def _document(character: Character, motion: Motion, colours: ArrayLike) -> "GLTF
     gltf.nodes = _joint_nodes(character, motion.skeleton)
     gltf.nodes.append(Node(name=character.name, mesh=0, skin=0))
     gltf.scenes, gltf.scene = [Scene(nodes=[0, joints])], 0
-    gltf.meshes = [_mesh(character, buffer, colours)]
-    gltf.materials = [_material(colours)]
+    gltf.materials = [_plain_material(colours)]
+    numbers = np.zeros(len(character.mesh.triangulated), np.int32)
+    if skin is not None:
+        gltf.materials += [_material(material, buffer) for material in skin.materials]
+        numbers = skin.triangle_materials + 1
+    attributes = _attributes(character, buffer)
+    if skin is not None and skin.texture_coordinates is not None:
+        attributes.TEXCOORD_0 = buffer.add(skin.texture_coordinates.astype(np.float32), _VERTEX_TARGET)
+    elif skin is None and np.ndim(colours) == 2:
+        attributes.COLOR_0 = buffer.add(linear(colours).astype(np.float32), _VERTEX_TARGET)
+    gltf.meshes = [_mesh(character, attributes, numbers, buffer)]
     columns = character.bind_inverse.transpose(0, 2, 1).reshape(joints, 16)  # glTF stores matrices by columns
     inverse_bind = buffer.add(columns.astype(np.float32))
     gltf.skins = [Skin(name=character.name, joints=list(range(joints)), skeleton=0, inverseBindMatrices=inverse_bind)]
@@ -115,25 +143,32 @@ def _joint_nodes(character: Character, skeleton: Skeleton) -> list[Any]:
     return nodes
 
 
-def _mesh(character: Character, buffer: _Buffer, colours: ArrayLike) -> Any:
-    from pygltflib import Attributes, Mesh, Primitive
+def _attributes(character: Character, buffer: _Buffer) -> Any:
+    from pygltflib import Attributes
 
     mesh = character.mesh
     weights = character.vertex_weights.astype(np.float32)
     weights /= weights.sum(axis=1, keepdims=True)
     joints = np.where(weights > 0, character.vertex_joints, 0)
     joint_type = np.uint8 if len(character.skeleton) <= 256 else np.uint16
-    normals = vertex_normals(mesh.vertices, mesh.triangulated)
-    attributes = Attributes(
+    return Attributes(
         POSITION=buffer.add(mesh.vertices.astype(np.float32), _VERTEX_TARGET, bounds=True),
-        NORMAL=buffer.add(_unit(normals), _VERTEX_TARGET),
+        NORMAL=buffer.add(_unit(vertex_normals(mesh.vertices, mesh.triangulated)), _VERTEX_TARGET),
         JOINTS_0=buffer.add(joints.astype(joint_type), _VERTEX_TARGET),
         WEIGHTS_0=buffer.add(weights, _VERTEX_TARGET),
     )
-    if np.ndim(colours) == 2:
-        attributes.COLOR_0 = buffer.add(linear(colours).astype(np.float32), _VERTEX_TARGET)
-    indices = buffer.add(mesh.triangulated.astype(np.uint32).ravel(), _INDEX_TARGET)
-    return Mesh(name=character.name, primitives=[Primitive(attributes=attributes, indices=indices, material=0)])
+
+
+def _mesh(character: Character, attributes: Any, materials: NDArray[np.int32], buffer: _Buffer) -> Any:
+    """One primitive a material, all on the same vertices. materials: (F,) number of each triangle's."""
+    from pygltflib import Mesh, Primitive
+
+    primitives = []
+    for material in np.unique(materials).tolist():
+        indices = character.mesh.triangulated[materials == material].astype(np.uint32).ravel()
+        number = buffer.add(indices, _INDEX_TARGET)
+        primitives.append(Primitive(attributes=attributes, indices=number, material=material))
+    return Mesh(name=character.name, primitives=primitives)
 
 
 def _unit(normals: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -142,12 +177,22 @@ def _unit(normals: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.where(length > 0, normals / np.maximum(length, 1e-30), [0.0, 1.0, 0.0]).astype(np.float32)
 
 
-def _material(colours: ArrayLike) -> Any:
+def _plain_material(colours: ArrayLike) -> Any:
     from pygltflib import Material, PbrMetallicRoughness
 
     colour = [1.0, 1.0, 1.0] if np.ndim(colours) == 2 else linear(colours).tolist()
     surface = PbrMetallicRoughness(baseColorFactor=[*colour, 1.0], metallicFactor=0.0, roughnessFactor=0.65)
     return Material(name="skin", pbrMetallicRoughness=surface)
+
+
+def _material(material: GlbMaterial, buffer: _Buffer) -> Any:
+    from pygltflib import Material, PbrMetallicRoughness, TextureInfo
+
+    surface = PbrMetallicRoughness(baseColorFactor=list(material.colour), metallicFactor=0.0, roughnessFactor=0.65)
+    if material.image is not None:
+        surface.baseColorTexture = TextureInfo(index=buffer.add_picture(material.image))
+    transparency = "BLEND" if material.colour[3] < 1.0 else "OPAQUE"
+    return Material(name=material.name, pbrMetallicRoughness=surface, alphaMode=transparency, doubleSided=True)
 
 
 def _animation(motion: Motion, buffer: _Buffer) -> Any:

@@ -1,10 +1,12 @@
 """The GLB is read back with pygltflib and this file's own forward kinematics, and judged by the Khronos validator."""
 
 import importlib.util
+import io
 import json
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from capture.glb import write_glb
 from deformation.character import mannequin_character
+from deformation.character_files import Skin
+from deformation.mesh_files.glb import GlbMaterial, read_glb
 from devices.errors import SixpointError
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Motion
@@ -136,6 +140,32 @@ def test_vertex_colours_are_linear(character, motion, tmp_path):
     assert np.allclose(values(gltf, gltf.meshes[0].primitives[0].attributes.COLOR_0), 0.2140, atol=1e-4)
 
 
+def test_textures_and_materials_of_a_character_file_are_kept(character, motion, tmp_path):
+    from PIL import Image
+
+    picture = io.BytesIO()
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8)).save(picture, "PNG")
+    materials = (
+        GlbMaterial("cloth", (1.0, 0.5, 0.25, 1.0), picture.getvalue()),
+        GlbMaterial("glass", (0.1, 0.2, 0.3, 0.5), None),
+    )
+    faces, vertices = len(character.mesh.triangulated), len(character.mesh.vertices)
+    coordinates = np.random.default_rng(1).uniform(0, 1, (vertices, 2))
+    numbers = (np.arange(faces) % 3 - 1).astype(np.int32)
+    skin = Skin(coordinates, np.ones((vertices, 3)), materials, numbers)
+    path = tmp_path / "textured.glb"
+    write_glb(character, motion, path, skin=skin)
+    back = read_glb(path)
+    kept = {m.name: (m.colour, m.image) for m in back.materials}
+    assert all(kept[m.name] == (m.colour, m.image) for m in materials)
+    by_name = {back.materials[part.material].name if part.material >= 0 else "": part for part in back.parts}
+    for name, number in (("cloth", 0), ("glass", 1)):
+        part = by_name[name]
+        assert len(part.triangles) == (numbers == number).sum()
+        assert np.allclose(part.texture_coordinates, coordinates, atol=1e-6)
+    validated([path])
+
+
 def test_a_motion_of_another_skeleton_is_refused_and_leaves_nothing(character, tmp_path):
     other = Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3)))
     motion = Motion(other, np.zeros((1, 3)), np.array([[[0.0, 0, 0, 1]]]), 60.0, "other")
@@ -144,21 +174,28 @@ def test_a_motion_of_another_skeleton_is_refused_and_leaves_nothing(character, t
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_khronos_validator_finds_nothing_wrong(character, motion, path, tmp_path):
+def validated(files: list[Path]) -> bool:
+    """Whether the validator is there, and then finds nothing wrong."""
     if not shutil.which("node"):
-        pytest.skip("node is not installed")
+        return False
     if subprocess.run(["node", "-e", "require('gltf-validator')"], capture_output=True).returncode != 0:
-        pytest.skip("the npm package gltf-validator is not installed (NODE_PATH says where)")
-    coloured, one_pose = tmp_path / "coloured.glb", tmp_path / "pose.glb"
-    write_glb(character, motion, coloured, np.full((len(character.mesh.vertices), 3), 0.5))
-    first = Motion(motion.skeleton, motion.root_positions[:1], motion.rotations[:1], 60.0)
-    write_glb(character, first, one_pose)
-    for file in (path, coloured, one_pose):
+        return False
+    for file in files:
         done = subprocess.run(["node", "-e", VALIDATE, str(file)], capture_output=True, text=True, check=True)
         report = json.loads(done.stdout)
         assert report["issues"]["numErrors"] == 0, report["issues"]["messages"]
         assert report["issues"]["numWarnings"] == 0, report["issues"]["messages"]
         assert report["info"]["hasSkins"]
+    return True
+
+
+def test_the_khronos_validator_finds_nothing_wrong(character, motion, path, tmp_path):
+    coloured, one_pose = tmp_path / "coloured.glb", tmp_path / "pose.glb"
+    write_glb(character, motion, coloured, np.full((len(character.mesh.vertices), 3), 0.5))
+    first = Motion(motion.skeleton, motion.root_positions[:1], motion.rotations[:1], 60.0)
+    write_glb(character, first, one_pose)
+    if not validated([path, coloured, one_pose]):
+        pytest.skip("node or the npm package gltf-validator is not installed (NODE_PATH says where)")
 
 
 BLENDER = """
