@@ -12,6 +12,7 @@ from reconstruction.motion import Motion
 from reconstruction.motion_operations import resampled
 from reconstruction.rotations import inverse, logarithm, multiply, rotate
 from reconstruction.skeleton import Skeleton
+from reconstruction.transition.arms_clear import body_capsules
 from reconstruction.transition.body_mass import mass_weights
 from reconstruction.transition.classification import DEFAULT_THRESHOLDS, ClassThresholds, MotionClass, classify
 
@@ -98,6 +99,11 @@ class TransitionClip:
     def mass_weights(self) -> NDArray[np.float64]:
         """(J,) see `body_mass.mass_weights`."""
         return frozen(mass_weights(self.skeleton))
+
+    @cached_property
+    def capsules(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """See `arms_clear.body_capsules`."""
+        return body_capsules(self.skeleton)
 
     def stretch(self, frame: int) -> NDArray[np.float64]:
         """(F,) how far each leg is stretched at a frame: 1 is straight."""

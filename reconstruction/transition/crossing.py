@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from reconstruction.rotations import inverse, logarithm, multiply
 from reconstruction.transition.clip import TransitionClip
 from reconstruction.transition.curves import body_to_vector_rate
-from reconstruction.transition.rebasing import Placement
+from reconstruction.transition.rebasing import Placement, heading_at
 
 FASTEST_RAD_S = 12.0
 HARDEST_RAD_S2 = 60.0
@@ -92,6 +92,12 @@ class Crossing:
         """(F,) metres over the ground from where each foot is to where it has to be."""
         way = self.ankle_keys[3] - self.ankle_keys[0]
         return np.hypot(way[:, 0], way[:, 2])
+
+    @cached_property
+    def left(self) -> NDArray[np.float64]:
+        """(3,) unit: the body's left over the ground when left."""
+        heading = heading_at(self.a, self.at)
+        return np.array((np.cos(heading), 0.0, -np.sin(heading)))
 
     @cached_property
     def hinges(self) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from reconstruction.rotations import multiply, rotate
 from reconstruction.transition.clip import Leg, TransitionClip
 from reconstruction.transition.crossing import Crossing
-from reconstruction.transition.curves import quintic_weights, turned_by
+from reconstruction.transition.curves import quintic_weights, trend_weights, turned_by
 
 SETTLE_S = 0.12
 """A planted foot's last motion dies away over this time."""
@@ -16,6 +16,14 @@ STILL_M = 0.01
 """A planted foot that is to stand no farther than this from where it stands is not lifted."""
 SHORTEST_STEP_S = 0.3
 _STEP_S_PER_M = 0.3
+SWING_FADING_S = 0.3
+"""The speed that a swinging foot has when left or entered fades within so long."""
+ALOFT_SHARE = 0.6
+"""A foot that is in the air already is lifted so much less."""
+FEET_APART_M = 0.12
+"""Ankles pass each other no nearer than this,"""
+PASSING_M = 0.25
+"""where one is less than this ahead of the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +64,41 @@ def planned_steps(
     steps = [Step(0.0, duration, 0.0) for _ in out]
     for k, f in enumerate(phases):
         start, stop = duration * k / len(phases), duration * (k + 1) / len(phases)
-        steps[f] = Step(start if out[f] else 0.0, stop if into[f] else duration, _lift(gap[f]))
+        height = _lift(gap[f]) if out[f] else ALOFT_SHARE * _lift(gap[f])
+        steps[f] = Step(start if out[f] else 0.0, stop if into[f] else duration, height)
     return steps
 
 
 def _lift(gap_m: float) -> float:
-    return float(min(0.03 + 0.2 * gap_m, 0.12))
+    return min(0.03 + 0.15 * gap_m, 0.1)
+
+
+def kept_apart(
+    paths: NDArray[np.float64], steps: list[Step], left: NDArray[np.float64], t: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The ankles' path (N, F, 3), bowed sideways where one foot would swing through the other leg.
+
+    left: (3,) unit, the body's left over the ground; the first leg is the left one.
+    """
+    if len(steps) != 2 or not len(paths):
+        return paths
+    apart = paths[:, 0] - paths[:, 1]
+    sideways = apart @ left
+    ahead = np.linalg.norm(apart[:, [0, 2]] - sideways[:, None] * left[[0, 2]], axis=-1)
+    missing = np.where(ahead < PASSING_M, FEET_APART_M - sideways, 0.0)
+    bowed = paths.copy()
+    for f, step in enumerate(steps):
+        shape = _bump(np.clip((t - step.lift_s) / (step.land_s - step.lift_s), 0, 1))
+        # A bow as wide as the worst frame needs, counted where the foot is well under way.
+        needed = np.max(np.where(shape > 0.3, missing, 0.0), initial=0.0)
+        side = left if f == 0 else -left
+        bowed[:, f] += (min(needed, FEET_APART_M) * shape)[:, None] * side
+    return bowed
+
+
+def _bump(s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """0 at s = 0 and 1, 1 in the middle, with two smooth derivatives."""
+    return 64 * (s * (1 - s)) ** 3
 
 
 def ankle_paths(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
@@ -80,13 +117,13 @@ def ankle_paths(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], d
             keys[:3] = keys[0] + 0.25 * SETTLE_S * keys[1], (0, 0, 0), (0, 0, 0)
         if stands_in:
             keys[3:] = keys[3] - 0.25 * SETTLE_S * keys[4], (0, 0, 0), (0, 0, 0)
-        path = quintic_weights(t - step.lift_s, step.land_s - step.lift_s) @ keys
+        path = trend_weights(t - step.lift_s, step.land_s - step.lift_s, SWING_FADING_S) @ keys
         if stands_out:
             path += out_weights @ (crossing.ankle_keys[:3, f] - keys[:3])
         if stands_in:
             path += in_weights @ (crossing.ankle_keys[3:, f] - keys[3:])
         s = np.clip((t - step.lift_s) / (step.land_s - step.lift_s), 0, 1)
-        path[:, 1] += step.height_m * 64 * (s * (1 - s)) ** 3
+        path[:, 1] += step.height_m * _bump(s)
         paths[:, f] = path
     return paths
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.transition.arms_clear import cleared_arms
 from reconstruction.transition.balance import balancing_shift
 from reconstruction.transition.classification import MotionClass
 from reconstruction.transition.clip import TransitionClip
@@ -25,6 +26,7 @@ from reconstruction.transition.footwork import (
     SETTLE_S,
     ankle_paths,
     foot_turns,
+    kept_apart,
     least_time,
     planned_steps,
     raised_above_floor,
@@ -100,6 +102,7 @@ def _drafted(a: TransitionClip, at: int, b: TransitionClip, into: int, heading: 
     keep_within_kernel(rotations, *limits_of(crossing))
     if a.legs and count:
         positions = _on_its_feet(crossing, positions, rotations, t, time)
+    rotations = _with_clear_arms(crossing, positions, rotations)
     return _Draft(positions, rotations, time, crossing.placement, _peak(crossing, rotations))
 
 
@@ -134,7 +137,7 @@ def _on_its_feet(
     """Root positions (N, 3) in balance; the legs of `rotations` are changed in place to where the feet should be."""
     a, b = crossing.a, crossing.b
     steps = planned_steps(crossing.stands_out, crossing.stands_in, crossing.gaps, time)
-    ankles = ankle_paths(crossing, steps, t, time)
+    ankles = kept_apart(ankle_paths(crossing, steps, t, time), steps, crossing.left, t)
     feet = foot_turns(crossing, steps, t, time)
     settle = min(SETTLE_S, time / 2)
     leaving = quintic_weights(t, settle)[:, 0]
@@ -154,6 +157,18 @@ def _on_its_feet(
     seam = leaving + entering
     reach_legs_kernel(*body, positions, rotations, ankles, feet, crossing.hinges, seam, soft_from)
     return positions
+
+
+def _with_clear_arms(
+    crossing: Crossing, positions: NDArray[np.float64], rotations: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, J, 4) rotations whose forearms stay out of the body; see `cleared_arms`."""
+    if not len(rotations) or not len(crossing.a.capsules[0]):
+        return rotations
+    left = crossing.a.motion.rotations[crossing.at : crossing.at + 1]
+    whole = np.concatenate([left, rotations, crossing.entered_rotations[None]])
+    path = np.concatenate([crossing.root_keys[:1], positions, crossing.root_keys[3:4]])
+    return cleared_arms(crossing.a.skeleton, path, whole, crossing.a.capsules, crossing.a.fps)[1:-1].copy()
 
 
 def _lowest(clip: TransitionClip, frame: int) -> float:
