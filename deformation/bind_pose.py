@@ -43,11 +43,11 @@ def bind_pose(skeleton: Skeleton, reference: Pose | None = None) -> tuple[NDArra
     as_modelled = posed.is_upright()
     if not as_modelled and reference is not None:
         posed.rotations = np.array(reference.rotations, float)
-    pitch, ball_height = _FOOT_PITCH, _BALL_HEIGHT * stature_m(skeleton)
+    pitches, ball_height = (_FOOT_PITCH, 0.0), _BALL_HEIGHT * stature_m(skeleton)
     if not as_modelled and reference is not None:
-        pitch, ball_height = _planted_foot(skeleton, reference)
+        pitches, ball_height = _planted_foot(skeleton, reference)
     posed.face_forward(0.0 if not as_modelled else _AS_MODELLED)
-    for bone, direction, loose in _aims(pitch):
+    for bone, direction, loose in _aims(*pitches):
         if bone == "left_shoulder" and not as_modelled:
             posed.square_shoulders()
         posed.aim(bone, direction, _AS_MODELLED if loose and as_modelled else 0.0)
@@ -75,7 +75,7 @@ def _chain_length(skeleton: Skeleton, top: int, joint: int) -> float:
     return length
 
 
-def _aims(foot_pitch: float) -> Iterator[tuple[str, NDArray[np.float64], bool]]:
+def _aims(foot_pitch: float, toe_pitch: float) -> Iterator[tuple[str, NDArray[np.float64], bool]]:
     """Bone, canonical direction (3,), and whether it may stay as modelled; parents before children."""
     for bone in _SPINE:
         yield bone, np.array([0.0, 1.0, 0.0]), True
@@ -83,28 +83,33 @@ def _aims(foot_pitch: float) -> Iterator[tuple[str, NDArray[np.float64], bool]]:
         arm = np.array([sign * np.cos(_ARM_DROP), -np.sin(_ARM_DROP), 0.0])
         leg = np.array([sign * np.sin(_LEG_SPREAD), -np.cos(_LEG_SPREAD), 0.0])
         out = np.array([sign * np.sin(_TOE_OUT), 0.0, np.cos(_TOE_OUT)])
-        foot = out * np.cos(foot_pitch) - np.array([0.0, np.sin(foot_pitch), 0.0])
+        foot, toes = (out * np.cos(pitch) - np.array([0.0, np.sin(pitch), 0.0]) for pitch in (foot_pitch, toe_pitch))
         yield f"{side}_shoulder", np.array([sign, 0.0, 0.0]), True
         yield from ((f"{side}_{bone}", arm, False) for bone in ("upper_arm", "lower_arm", "hand"))
         yield from ((f"{side}_{bone}", leg, False) for bone in ("upper_leg", "lower_leg"))
         yield f"{side}_foot", foot, True
-        yield f"{side}_toes", out, True
+        yield f"{side}_toes", toes, True
 
 
-def _planted_foot(skeleton: Skeleton, reference: Pose) -> tuple[float, float]:
-    """Pitch in radians of the lower foot in a pose, and its toe joint's plausible height above the sole in metres."""
-    position, _ = world_joints(skeleton, reference.root_position, reference.rotations)
-    bones, stature = skeleton.humanoid, stature_m(skeleton)
-    feet = [
-        position[[bones[f"{side}_foot"], bones[f"{side}_toes"]]]
-        for side in ("left", "right")
-        if f"{side}_foot" in bones and f"{side}_toes" in bones
-    ]
-    if not feet:
-        return _FOOT_PITCH, _BALL_HEIGHT * stature
-    ankle, toe = min(feet, key=lambda foot: foot[1, 1])
-    drop, run = ankle[1] - toe[1], np.hypot(*(toe - ankle)[[0, 2]])
-    return float(np.arctan2(drop, run)), float(np.clip(toe[1], 0.012 * stature, 0.028 * stature))
+def _planted_foot(skeleton: Skeleton, reference: Pose) -> tuple[tuple[float, float], float]:
+    """How far foot and toes of the lower foot in a pose point down, radians, and its toe joint's height in metres.
+
+    Joints of feet stand where a file's maker put them: only a standing foot tells which way they point when it is flat.
+    """
+    posed, stature = _Posing(skeleton), stature_m(skeleton)
+    posed.rotations = np.array(reference.rotations, float)
+    heights = posed.world()[0][:, 1] + reference.root_position[1]
+    toes = {side: heights[posed.bones[f"{side}_toes"]] for side in ("left", "right") if f"{side}_toes" in posed.bones}
+    if not toes:
+        return (_FOOT_PITCH, 0.0), _BALL_HEIGHT * stature
+    side = min(toes, key=lambda side: toes[side])
+    foot, toe = (posed.direction(f"{side}_{bone}") for bone in ("foot", "toes"))
+    pitches = (_pitch(foot, _FOOT_PITCH), _pitch(toe, 0.0))
+    return pitches, float(np.clip(toes[side], 0.012 * stature, 0.028 * stature))
+
+
+def _pitch(direction: NDArray[np.float64] | None, otherwise: float) -> float:
+    return otherwise if direction is None else float(-np.arcsin(np.clip(direction[1], -1, 1)))
 
 
 class _Posing:

@@ -27,12 +27,12 @@ _CENTRE = {
 """Names from the hips up, in order of preference; a name is given to one bone only, lowest bone first."""
 
 _SIDED = {
-    "shoulder": ("shoulder", "clavicle", "clavicle01", "collar"),
+    "shoulder": ("shoulder", "clavicle", "clavicle01", "collar", "collarbone"),
     "upper_arm": ("arm", "upperarm", "upperarm01", "humerus", "uparm"),
-    "lower_arm": ("forearm", "lowerarm", "lowerarm01", "radius", "elbow"),
+    "lower_arm": ("forearm", "lowarm", "lowerarm", "lowerarm01", "radius", "elbow"),
     "hand": ("wrist", "hand"),
     "upper_leg": ("upleg", "upperleg", "upperleg01", "femur", "thigh"),
-    "lower_leg": ("leg", "lowerleg", "lowerleg01", "tibia", "shin", "calf", "knee"),
+    "lower_leg": ("leg", "lowleg", "lowerleg", "lowerleg01", "tibia", "shin", "calf", "knee"),
     "foot": ("foot", "ankle"),
     "toes": ("toebase", "toes", "toe", "ball", "toe11"),
 }
@@ -41,9 +41,14 @@ CENTRE_BONES = tuple(_CENTRE)
 SIDED_BONES = tuple(_SIDED)
 
 
+_PREFIX = re.compile(r"^(mixamorig\d*|jbipc?|bip0*1|def|ccbase|valvebipedbip0*1|character\d*)(?=[a-z])")
+"""What Mixamo, VRoid, 3ds Max, Rigify, Character Creator and Source put before every joint's name."""
+
+
 def plain_name(name: str) -> str:
     """`mixamorig:LeftUpLeg`, `left_up-leg` and `LeftUpLeg` all become `leftupleg`."""
-    return re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower())
+    plain = re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower())
+    return _PREFIX.sub("", plain)
 
 
 def humanoid_names(names: Sequence[str]) -> dict[str, int]:
@@ -68,4 +73,4 @@ def humanoid_names(names: Sequence[str]) -> dict[str, int]:
 
 def _sided_forms(side: str, alias: str) -> tuple[str, ...]:
     letter = side[0]
-    return (side + alias, alias + side, letter + alias, alias + letter, "j" + "bip" + letter + alias)
+    return (side + alias, alias + side, letter + alias, alias + letter)

@@ -1,0 +1,139 @@
+"""A motion of one skeleton carried to another with its own rest pose, joints and proportions.
+
+Both skeletons are put into the same bind pose (`deformation.bind_pose`). Each bone then turns in the world, away from
+that pose, as its counterpart does: R'_j(t) = R_s(t) R_s(bind)^-1 R'_j(bind). Strides are scaled by the length of the
+legs, and the soles are as high above the floor as they were, in the same scale, but never below it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from deformation.bind_pose import bind_pose, stature_m
+from devices.errors import SixpointError
+from devices.frame import frozen
+from reconstruction.kinematics import world_joints
+from reconstruction.motion import Motion, Pose
+from reconstruction.skeleton import Skeleton
+
+_NEEDED = ("hips", *(f"{s}_{b}" for s in ("left", "right") for b in ("upper_leg", "lower_leg", "foot")))
+_HEEL_M, _TIP_M = 0.035, 0.045
+"""Heel behind the ankle and tip of the toes before their joint, as shares of stature."""
+
+
+class Retargeter:
+    """Carries poses from one skeleton to another.
+
+    source_reference, target_reference: poses that stand, for skeletons whose rest pose is none (see `bind_pose`).
+    target_bind: (J', 4, 4) `T_world_joint` in which a character stands on y = 0, so that its own soles meet the floor.
+    Raises SixpointError naming the bones that a skeleton lacks.
+    """
+
+    def __init__(
+        self,
+        source: Skeleton,
+        target: Skeleton,
+        source_reference: Pose | None = None,
+        target_reference: Pose | None = None,
+        target_bind: NDArray[np.float64] | None = None,
+    ) -> None:
+        for skeleton in (source, target):
+            missing = [bone for bone in _NEEDED if bone not in skeleton.humanoid]
+            if missing:
+                raise SixpointError(f"no {', '.join(missing)} among the joints {', '.join(skeleton.names)}")
+        self.source, self.target = source, target
+        source_at, source_turns = world_joints(source, *bind_pose(source, source_reference))
+        target_root, self._local_bind = bind_pose(target, target_reference)
+        target_at, target_turns = world_joints(target, target_root, self._local_bind)
+        if target_bind is not None:
+            target_at[:, 1] += _ball_height(target, target_bind[:, :3, 3]) - _ball_height(target, target_at)
+        self._pairs = [
+            (joint, source.humanoid[bone]) for bone, joint in target.humanoid.items() if bone in source.humanoid
+        ]
+        self._from_source = {t: source_turns[s].T @ target_turns[t] for t, s in self._pairs}
+        self._hips = target.humanoid["hips"], source.humanoid["hips"]
+        self.scale = _leg_height(target, target_at) / _leg_height(source, source_at)
+        self._target_soles = _Soles(target, target_at, target_turns)
+        self._source_soles = _Soles(source, source_at, source_turns)
+
+    def motion(self, motion: Motion) -> Motion:
+        """The whole motion on the target skeleton. Raises SixpointError if it is not of the source skeleton."""
+        if not motion.skeleton.same_tree(self.source):
+            raise SixpointError(f"the motion {motion.name!r} is of another skeleton than the one to carry it from")
+        root, rotations = self._carried(motion.root_positions, motion.rotations)
+        return Motion(self.target, frozen(root), frozen(rotations), motion.fps, motion.name)
+
+    def pose(self, pose: Pose) -> Pose:
+        """One pose on the target skeleton."""
+        root, rotations = self._carried(pose.root_position[None], pose.rotations[None])
+        return Pose(pose.time_s, frozen(root[0]), frozen(rotations[0]))
+
+    def _carried(
+        self, root_positions: NDArray[np.float64], rotations: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Root positions (T, 3) and local rotations (T, J', 4) of the target for (T, 3) and (T, J, 4)."""
+        at, turns = world_joints(self.source, root_positions, rotations)
+        local = self._local_rotations(turns)
+        target_at, target_turns = world_joints(self.target, np.zeros((len(local), 3)), local)
+        hips, source_hips = self._hips
+        root = self.scale * at[:, source_hips] - target_at[:, hips]
+        wanted = self.scale * self._source_soles.lowest(at, turns)
+        root[:, 1] = np.maximum(wanted, 0.0) - self._target_soles.lowest(target_at, target_turns)
+        return root, local
+
+    def _local_rotations(self, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(T, J', 4): joints with a counterpart take its turn in the world, all others stay as in the bind pose."""
+        count = len(turns)
+        matched = dict(self._pairs)
+        bind = Rotation.from_quat(self._local_bind).as_matrix()
+        world = np.empty((count, len(self.target), 3, 3))
+        local = np.empty_like(world)
+        for joint, parent in enumerate(self.target.parents):
+            above = world[:, parent] if parent >= 0 else np.broadcast_to(np.eye(3), (count, 3, 3))
+            if joint in matched:
+                world[:, joint] = turns[:, matched[joint]] @ self._from_source[joint]
+            else:
+                world[:, joint] = above @ bind[joint]
+            local[:, joint] = above.transpose(0, 2, 1) @ world[:, joint]
+        return Rotation.from_matrix(local.reshape(-1, 3, 3)).as_quat().reshape(count, -1, 4)
+
+
+class _Soles:
+    """Points under a skeleton's feet: heel, ball and tip of the toes, on the floor in the bind pose.
+
+    at: (J, 3) metres, turns: (J, 3, 3) in the bind pose, floor at y = 0.
+    """
+
+    def __init__(self, skeleton: Skeleton, at: NDArray[np.float64], turns: NDArray[np.float64]) -> None:
+        stature, bones = stature_m(skeleton), skeleton.humanoid
+        joints, points = [], []
+        for side in ("left", "right"):
+            ankle = bones[f"{side}_foot"]
+            toes = bones.get(f"{side}_toes", ankle)
+            ahead = (at[toes] - at[ankle]) * [1, 0, 1]
+            length = float(np.linalg.norm(ahead))
+            ahead = ahead / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
+            ball = at[toes] if toes != ankle else at[ankle] + 0.08 * stature * ahead
+            joints += [ankle, toes, toes]
+            points += [at[ankle] - _HEEL_M * stature * ahead, ball, ball + _TIP_M * stature * ahead]
+        self._joints = np.array(joints)
+        offsets = np.array(points) * [1, 0, 1] - at[self._joints]
+        self._local = np.einsum("pji,pj->pi", turns[self._joints], offsets)
+
+    def lowest(self, at: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(T,) metres: the height of the lowest point for joints (T, J, 3) and their rotations (T, J, 3, 3)."""
+        below = np.einsum("tpj,pj->tp", turns[:, self._joints, 1], self._local)
+        return (at[:, self._joints, 1] + below).min(axis=1)
+
+
+def _ball_height(skeleton: Skeleton, positions: NDArray[np.float64]) -> float:
+    """Metres: the lower toe joint's height, or the lower ankle's where there are no toes."""
+    bones = skeleton.humanoid
+    toes = [bones[f"{side}_toes"] for side in ("left", "right") if f"{side}_toes" in bones]
+    return float(positions[toes or [bones["left_foot"], bones["right_foot"]], 1].min())
+
+
+def _leg_height(skeleton: Skeleton, positions: NDArray[np.float64]) -> float:
+    """Metres from hip joints down to the floor in the bind pose, the mean of both."""
+    bones = skeleton.humanoid
+    return float(np.mean([positions[bones[f"{side}_upper_leg"], 1] for side in ("left", "right")]))
