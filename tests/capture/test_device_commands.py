@@ -4,6 +4,7 @@ import json
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from capture.commands.devices import devices, doctor, simulate
@@ -12,6 +13,7 @@ from devices.protocols import protocols
 from devices.registry import make_device
 from devices.sample import ROLES, TrackerSample
 from replay_logs.csv_tracks import write_tracks_csv
+from replay_logs.frames import load_frames
 from replay_logs.golden_takes import FOLDER, walking_on_the_spot
 
 
@@ -90,3 +92,13 @@ def test_wrong_arguments_are_one_line_each(tracks, tmp_path):
         simulate(tmp_path / "motion.txt")
     with pytest.raises(DeviceError, match="does not exist"):
         doctor("generic", "/dev/ttyUSB77", seconds=2.0)
+
+
+def test_a_golden_take_goes_on_into_poses(database, run, tmp_path):
+    take, out = FOLDER / "flock_of_birds.mcap", tmp_path / "poses.npz"
+    status, _, error = run("reconstruct", take, "--database", database, "--out", out)
+    assert status == 0, error
+    with np.load(out) as poses:
+        lengths = {len(poses[key]) for key in poses if poses[key].ndim}
+        assert all(np.isfinite(poses[key]).all() for key in poses if poses[key].dtype.kind == "f")
+    assert len(load_frames(take, 60)) in lengths
