@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.heat_weights import heat_weights, separate_branches, skeleton_bones, spread, strongest
+from deformation.heat_weights import blur, heat_weights, separate_branches, skeleton_bones, spread, strongest
 from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
 from deformation.materials import default_softness
 from deformation.mesh import Mesh
@@ -91,7 +91,8 @@ def make_character(
         fine_weights = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
         on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
-    joints, weights = (frozen(a) for a in strongest(coarser(fine_weights, fine, lattice, parents)))
+    on_particles = separate_branches(blur(lattice) @ coarser(fine_weights, fine, lattice, parents), skeleton, positions)
+    joints, weights = (frozen(a) for a in strongest(on_particles))
     binding = bind_points(skeleton, positions, joints, weights)
     return Character(
         name,

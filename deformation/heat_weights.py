@@ -226,6 +226,15 @@ def spread(lattice: Lattice, on_vertices: NDArray[np.float64]) -> NDArray[np.flo
     return values
 
 
+def blur(lattice: Lattice) -> csr_matrix:
+    """(P, P): the mean over a particle's cells of the mean over each cell's corners; rows sum to 1."""
+    size, rows = len(lattice.particles), np.repeat(np.arange(len(lattice.cells)), 8)
+    corners = lattice.cells.reshape(-1)
+    mean = csr_matrix((np.full(len(rows), 1 / 8), (rows, corners)), shape=(len(lattice.cells), size))
+    share = 1 / np.bincount(corners, minlength=size)
+    return csr_matrix(csr_matrix((share[corners], (corners, rows)), shape=(size, len(lattice.cells))) @ mean)
+
+
 def opposite_branches(skeleton: Skeleton, positions: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """(joint, left child, right child) where a joint of the body's middle sends out two limbs to either side.
 

@@ -29,6 +29,12 @@ def cofactors(m):
 
 
 @kernel
+def determinant(m):
+    """The determinant of nine numbers m, row by row."""
+    return m[0] * (m[4] * m[8] - m[5] * m[7]) + m[1] * (m[5] * m[6] - m[3] * m[8]) + m[2] * (m[3] * m[7] - m[4] * m[6])
+
+
+@kernel
 def norm_squared(m):
     """The sum of nine squares."""
     return (
@@ -93,6 +99,9 @@ def polar_near_identity(m):
 
     With S = R^T M the turn that is left solves (tr S - S) w = axis of S - S^T. Hands over to `polar` where it is large.
     """
+    size = norm_squared(m)
+    if determinant(m) <= _FLAT * size * np.sqrt(size):
+        return False, m
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     r = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     s = m

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags
 
+from deformation.heat_weights import blur
 from deformation.kernel import kernel
 from deformation.lattice import CORNERS, Lattice
 from deformation.skinning import Binding
@@ -104,14 +104,9 @@ def _members(
 
     The shares are the parts themselves, blurred along the lattice; at each particle they sum to 1.
     """
-    rows = np.repeat(np.arange(len(lattice.cells)), 8)
-    ones = np.ones(len(rows))
-    to_cells = csr_matrix((ones / 8, (rows, lattice.cells.reshape(-1))), shape=(len(lattice.cells), len(part_of)))
-    back = csr_matrix(to_cells.T)
-    blur = diags(1 / np.asarray(back.sum(axis=1)).ravel()) @ back @ to_cells
-    share = np.eye(parts)[part_of]
+    share, mean = np.eye(parts)[part_of], blur(lattice)
     for _ in range(_BLUR):
-        share = blur @ share
+        share = np.asarray(mean @ share)
     share[share < _LEAST_SHARE] = 0
     share /= share.sum(axis=1, keepdims=True)
     part, members = np.nonzero(share.T)
