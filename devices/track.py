@@ -36,9 +36,12 @@ class Track:
         self._period_s: float | None = None
 
     def push(self, time_s: float, position: Vector, orientation: Quaternion | None) -> bool:
-        """Adds a reading; False, and nothing added, where it is not newer than the last."""
+        """Adds a reading; False, and nothing added, where it is older than the last. One of the same time replaces it:
+        without a clock of its own, what comes in one batch has one time, and the last of it is the newest."""
         if self._times and time_s <= self._times[-1]:
-            return False
+            if time_s == self._times[-1]:
+                self._positions[-1], self._orientations[-1] = position, orientation
+            return time_s == self._times[-1]
         if self._times:
             self._intervals.append(time_s - self._times[-1])
             self._period_s = None

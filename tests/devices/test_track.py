@@ -47,8 +47,14 @@ def test_a_single_reading_is_not_carried_on():
 
 def test_old_readings_are_refused():
     track = line([0.0, 0.1])
-    assert not track.push(0.1, (0, 0, 0), None)
-    assert not track.push(0.05, (0, 0, 0), None)
+    assert not track.push(0.05, (7, 7, 7), None)
+    assert track.at(0.05)[0] == pytest.approx((0.05, 0.1, 0.0))
+
+
+def test_the_newest_of_one_batch_counts():
+    track = line([0.0, 0.1])
+    assert track.push(0.1, (5.0, 0.0, 0.0), None)
+    assert track.at(0.1)[0] == (5.0, 0.0, 0.0)
 
 
 def test_forgetting_changes_nothing_later():
