@@ -14,6 +14,10 @@ from devices.sample import SampleFlag, TrackerSample
 from devices.track import slerp
 
 
+_BATCH_S = 0.02
+"""Readings that a USB adapter hands over together seem to be of one moment, and are of up to this long."""
+
+
 @dataclass(frozen=True, slots=True)
 class OneEuroSettings:
     """min_cutoff_hz: cut-off at rest. beta: hertz more of cut-off for each m/s (for turns: each rad/s).
@@ -133,7 +137,7 @@ class OutlierGate:
         return False
 
     def _near(self, last: tuple[float, Vector], time_s: float, position: Vector) -> bool:
-        return math.dist(last[1], position) <= self.settings.max_speed_m_s * max(time_s - last[0], 1e-3)
+        return math.dist(last[1], position) <= self.settings.max_speed_m_s * max(time_s - last[0], _BATCH_S)
 
 
 def measured_lag_s(settings: OneEuroSettings, speed_m_s: float, rate_hz: float) -> float:
