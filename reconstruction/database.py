@@ -51,7 +51,7 @@ class MotionDatabase:
     poses: (N, D) float32, each seen from its own heading frame.
     headings: (N, 3) float32, x, z metres and yaw radians of each pose's heading frame in its clip's world.
     tracks: (N, 6, 3) float32 metres, the joints that tracker roles sit on, seen from the own heading frame.
-    windows: (W,) int32, rows that have a whole window of history before them; what the index numbers.
+    windows: (W,) int32, rows that have a whole window of history before them, in the order of the index.
     bounds: (D, 2) float32, the joint limits seen in the data, widened.
     spacing: metres, the typical distance of a window to its nearest ones in other moments.
     """

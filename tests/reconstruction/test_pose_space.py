@@ -29,7 +29,7 @@ def test_coordinates_come_back_as_the_same_motion(space, motion):
 
 
 def test_coordinates_do_not_change_when_the_world_turns(space, motion):
-    turn = np.tile(about_up(1.3), (len(motion), 1))
+    turn = np.tile(about_up(np.array(1.3)), (len(motion), 1))
     rotations = motion.rotations.copy()
     rotations[:, 0] = multiply(turn, rotations[:, 0])
     positions = rotate(turn, motion.root_positions) + np.array([4.0, 0, -2.0])
