@@ -13,7 +13,6 @@ from devices.errors import SettingError
 from devices.sample import SampleFlag, TrackerSample
 from devices.track import slerp
 
-
 _BATCH_S = 0.02
 """Readings that a USB adapter hands over together seem to be of one moment, and are of up to this long."""
 
