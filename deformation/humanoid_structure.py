@@ -58,7 +58,7 @@ class _Tree:
         return [x for x, y in zip(self.path(a), self.path(b), strict=False) if x == y][-1]
 
     def limbs(self, found: dict[str, int]) -> dict[str, int]:
-        """Bones of the four limbs and the head, from the outermost leaves; none at all where this is no person."""
+        """Bones of the four limbs, from the outermost leaves; none at all where this is no person."""
         leaves = [j for j in range(len(self.parents)) if j not in set(self.parents.tolist())]
         if len(leaves) < 5:
             return {}
@@ -77,7 +77,6 @@ class _Tree:
                 guessed |= self._limb(side, "leg", foot) | self._limb(side, "arm", hand)
         if not all(_has_limb(guessed, f"{side}_{limb}") for side in ("left", "right") for limb in ("arm", "leg")):
             return {}
-        guessed["head"] = max(leaves, key=lambda j: float(at[j, 1] - abs(at[j, 0] - middle)))
         return guessed
 
     def _left_sign(self, found: dict[str, int]) -> float:
@@ -119,11 +118,23 @@ class _Tree:
         if not named or not set(named) <= set(above):
             spread = _even(above, len(_SPINE))
             found = {b: j for b, j in found.items() if b not in _SPINE} | dict(zip(_SPINE, spread, strict=False))
+        if "head" not in found:
+            found |= self._head(fork, {found[f"{side}_upper_arm"] for side in ("left", "right")})
         if "head" in found and "neck" not in found:
             upper = self.path(found["head"])
             between = upper[upper.index(fork) + 1 : -1] if fork in upper else []
             found |= {"neck": between[0]} if between else {}
         return found
+
+    def _head(self, fork: int, arms: set[int]) -> dict[str, int]:
+        """The end of the highest chain that leaves the fork of the arms, or the joint before it on a long one."""
+        paths = [self.path(joint) for joint in range(len(self.parents))]
+        above = [p for p in paths if fork in p[:-1] and not arms & set(p)]
+        if not above:
+            return {}
+        chain = max(above, key=lambda p: float(self.positions[p[-1], 1]))
+        chain = chain[chain.index(fork) + 1 :]
+        return {"head": chain[-2] if len(chain) > 2 else chain[-1]}
 
     def _lowest_of_place(self, hips: int, named: int | None) -> int:
         """The joint that the tables call hips where it is on the way to the legs' fork and in its place."""

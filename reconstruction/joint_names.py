@@ -21,8 +21,8 @@ _CENTRE = {
     "spine": ("lowerback", "spine", "spine1", "spine01", "spine05"),
     "chest": ("spine", "chest", "spine1", "spine2", "spine02", "spine03", "upperback", "thorax"),
     "upper_chest": ("spine1", "upperchest", "spine2", "spine3", "thorax", "spine01", "spine03"),
-    "neck": ("neck1", "neck", "neck01", "lowerneck", "upperneck"),
-    "head": ("head",),
+    "neck": ("neck1", "neck", "neck01", "lowerneck", "upperneck", "spine004"),
+    "head": ("head", "spine006"),
 }
 """Names from the hips up, in order of preference; a name is given to one bone only, lowest bone first."""
 
@@ -34,7 +34,7 @@ _SIDED = {
     "upper_leg": ("upleg", "upperleg", "upperleg01", "femur", "thigh"),
     "lower_leg": ("leg", "lowleg", "lowerleg", "lowerleg01", "tibia", "shin", "calf", "knee"),
     "foot": ("foot", "ankle"),
-    "toes": ("toebase", "toes", "toe", "ball", "toe11"),
+    "toes": ("toebase", "toes", "toe", "ball", "toe11", "toe0"),
 }
 
 CENTRE_BONES = tuple(_CENTRE)
