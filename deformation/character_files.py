@@ -213,7 +213,7 @@ def _glb_rig(name: str, scene: GlbScene, parts: list[GlbPart]) -> tuple[Rig, tup
     """The skins' joints as one skeleton. Vertices that hang on no joint follow the nearest that does."""
     nodes = list(scene.skin_nodes)
     joint_of_node = np.full(len(scene.nodes), -1, np.int64)
-    above = [next((a for a in _ancestors(scene, node) if a in set(nodes)), -1) for node in nodes]
+    above = _one_root(nodes, [next((a for a in _ancestors(scene, node) if a in set(nodes)), -1) for node in nodes])
     order = _parents_first([-1 if node < 0 else nodes.index(node) for node in above])
     joint_of_node[[nodes[n] for n in order]] = np.arange(len(order))
     parents = np.array([-1 if above[n] < 0 else joint_of_node[above[n]] for n in order], np.int32)
@@ -225,6 +225,20 @@ def _glb_rig(name: str, scene: GlbScene, parts: list[GlbPart]) -> tuple[Rig, tup
     known = {_bone_name(b): int(joint_of_node[n]) for b, n in scene.humanoid.items() if joint_of_node[n] >= 0}
     bones = humanoid_bones(names, parents, positions, {b: j for b, j in known.items() if b is not None})
     return _rig(_bone_names(names, bones), names, parents, positions, weights), notes
+
+
+def _one_root(nodes: list[int], above: list[int]) -> list[int]:
+    """The joint above each, -1 for one root only: other trees of a skin hang on the root of the largest."""
+    place = {node: number for number, node in enumerate(nodes)}
+
+    def root(node: int) -> int:
+        while above[place[node]] >= 0:
+            node = above[place[node]]
+        return node
+
+    roots = [root(node) for node in nodes]
+    main = max(roots, key=roots.count)
+    return [main if parent < 0 and node != main else parent for node, parent in zip(nodes, above, strict=True)]
 
 
 def _ancestors(scene: GlbScene, node: int) -> list[int]:
