@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 
 from devices.driver import RawChunk, Reading
+from devices.errors import DeviceError
 from devices.link import Link, run_script
 from devices.protocols.protocol import DeviceProtocol
 
@@ -47,11 +48,20 @@ class LinkedDevice:
             pieces = self.link.read(max(0.0, min(left, _POLL_S)))
             now_ns = time.perf_counter_ns()
             samples = [sample for piece in pieces for sample in self.protocol.feed(piece, now_ns)]
-            request = self.protocol.to_send(now_ns)
-            if request:
-                self.link.write(request)
+            self._request(now_ns, bool(pieces))
             if pieces or left <= 0:
                 return Reading(tuple(RawChunk(now_ns, piece) for piece in pieces), tuple(samples))
+
+    def _request(self, now_ns: int, something_to_give: bool) -> None:
+        """Sends what a polled protocol wants to. A device that is lost meanwhile is so at the next read: what has come
+        is given first."""
+        request = self.protocol.to_send(now_ns)
+        if request:
+            try:
+                self.link.write(request)
+            except DeviceError:
+                if not something_to_give:
+                    raise
 
     def recover(self) -> None:
         """The device is silent though its port is there: does what its protocol knows for that."""
@@ -63,7 +73,7 @@ class LinkedDevice:
         """Leaves the device quiet, where it still listens, and closes the link."""
         try:
             run_script(self.link, self.protocol.stop())
-        except Exception:  # a device that is gone cannot be told
+        except DeviceError:  # one that is gone cannot be told
             pass
         finally:
             self.link.close()
