@@ -14,7 +14,7 @@ from deformation.character import Character, LatticeSettings, make_character
 from deformation.humanoid_structure import humanoid_bones
 from deformation.mesh import Mesh
 from deformation.mesh_files import read_mesh
-from deformation.mesh_files.glb import GlbMaterial, GlbPart, GlbScene, read_glb
+from deformation.mesh_files.glb import GlbMaterial, GlbPart, GlbScene, glb_mesh, read_glb
 from deformation.mesh_repair import in_metres, repaired
 from devices.errors import FileError
 from devices.frame import frozen
@@ -198,18 +198,14 @@ def _parents_first(parents: Sequence[int]) -> list[int]:
 
 
 def _from_glb(path: Path, scene: GlbScene) -> CharacterFile:
-    parts = [part for part in scene.parts if len(part.triangles)]
-    if not parts:
+    mesh = glb_mesh(scene)
+    if not len(mesh.triangles):
         raise FileError(f"{path}: it shows no triangles; a character needs a surface")
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    vertices = np.concatenate([part.vertices for part in parts])
-    triangles = np.concatenate([part.triangles + np.int32(n) for part, n in zip(parts, starts, strict=False)])
-    mesh = Mesh(vertices, np.empty((0, 4), np.int32), triangles)
-    rig, notes = _glb_rig(path.name, scene, parts) if scene.skin_nodes else (None, ())
-    return CharacterFile(path.name, mesh, rig, _glb_skin(scene, parts), notes)
+    rig, notes = _glb_rig(path.name, scene) if scene.skin_nodes else (None, ())
+    return CharacterFile(path.name, mesh, rig, _glb_skin(scene), notes)
 
 
-def _glb_rig(name: str, scene: GlbScene, parts: list[GlbPart]) -> tuple[Rig, tuple[str, ...]]:
+def _glb_rig(name: str, scene: GlbScene) -> tuple[Rig, tuple[str, ...]]:
     """The skins' joints as one skeleton. Vertices that hang on no joint follow the nearest that does."""
     nodes = list(scene.skin_nodes)
     joint_of_node = np.full(len(scene.nodes), -1, np.int64)
@@ -220,8 +216,8 @@ def _glb_rig(name: str, scene: GlbScene, parts: list[GlbPart]) -> tuple[Rig, tup
     names = [scene.nodes[nodes[n]] for n in order]
     positions = scene.transforms[[nodes[n] for n in order], :3, 3]
     nearest = np.array([_nearest_joint(scene, node, joint_of_node) for node in range(len(scene.nodes))])
-    weights = np.concatenate([_dense(part, nearest, len(nodes)) for part in parts])
-    weights, notes = _filled(name, weights, np.concatenate([part.vertices for part in parts]))
+    weights = np.concatenate([_dense(part, nearest, len(nodes)) for part in scene.parts])
+    weights, notes = _filled(name, weights, np.concatenate([part.vertices for part in scene.parts]))
     known = {_bone_name(b): int(joint_of_node[n]) for b, n in scene.humanoid.items() if joint_of_node[n] >= 0}
     bones = humanoid_bones(names, parents, positions, {b: j for b, j in known.items() if b is not None})
     return _rig(_bone_names(names, bones), names, parents, positions, weights), notes
@@ -287,7 +283,8 @@ def _bone_name(vrm: str) -> str | None:
     return name if name in known else None
 
 
-def _glb_skin(scene: GlbScene, parts: list[GlbPart]) -> Skin:
+def _glb_skin(scene: GlbScene) -> Skin:
+    parts = scene.parts
     coordinates = None
     if any(part.texture_coordinates is not None for part in parts):
         blank = [np.zeros((len(p.vertices), 2)) for p in parts]

@@ -4,11 +4,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 from deformation.mesh import Mesh
+from deformation.mesh_files.glb import glb_mesh, read_glb
 from deformation.mesh_files.obj import read_obj
 from deformation.mesh_files.ply import read_ply
 from devices.errors import FileError
 
-_READERS: dict[str, Callable[[Path], Mesh]] = {".obj": read_obj, ".ply": read_ply}
+
+def _shown_by_glb(path: Path) -> Mesh:
+    return glb_mesh(read_glb(path))
+
+
+_READERS: dict[str, Callable[[Path], Mesh]] = {
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".glb": _shown_by_glb,
+    ".gltf": _shown_by_glb,
+    ".vrm": _shown_by_glb,
+}
 
 
 def read_mesh(path: str | Path) -> Mesh:

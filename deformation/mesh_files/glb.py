@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from deformation.mesh import Mesh
 from devices.errors import FileError
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -74,6 +75,15 @@ def read_glb(path: Path) -> GlbScene:
         return _Reader(path).scene()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise FileError(f"{path}: not valid glTF ({type(error).__name__}: {error})") from None
+
+
+def glb_mesh(scene: GlbScene) -> Mesh:
+    """All parts, one after the other, as one mesh of triangles."""
+    parts = scene.parts
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    vertices = np.concatenate([np.empty((0, 3)), *(part.vertices for part in parts)])
+    triangles = [part.triangles + np.int32(start) for part, start in zip(parts, starts, strict=False)]
+    return Mesh(vertices, np.empty((0, 4), np.int32), np.concatenate([np.empty((0, 3), np.int32), *triangles]))
 
 
 class _Reader:

@@ -135,6 +135,7 @@ def test_a_vrm_comes_in_with_skeleton_weights_and_texture(tmp_path: Path):
     assert np.allclose(character.skin.colours, [0, 0, 1], atol=1e-6)
     assert character.skin.materials[0].name == "cloth"
     assert set(character.skin.triangle_materials) == {0}
+    assert np.array_equal(read_mesh(tmp_path / "figure.vrm").triangles, character.mesh.triangles)
 
 
 @pytest.mark.parametrize("scale", [0.01, 100.0])
