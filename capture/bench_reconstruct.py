@@ -136,7 +136,7 @@ def map_figures(database: MotionDatabase, take: list[TrackerFrame]) -> dict:
         began = time.perf_counter_ns()
         best = _by_least_squares(problem)
         theirs.append((time.perf_counter_ns() - began) * 1e-6)
-        gaps.append(found.energy - problem.energy(best))
+        gaps.append(found.energy - problem.energy(best.astype(np.float64)))
         kernel.append(_kernel_ms(problem))
     return {
         "nlopt_ms": percentiles_ms(np.array(ours)),
@@ -149,29 +149,23 @@ def map_figures(database: MotionDatabase, take: list[TrackerFrame]) -> dict:
 def _problems(database: MotionDatabase, take: list[TrackerFrame]) -> list[MapProblem]:
     """The problems that a solver meets on a take."""
     solver = Reconstructor(database)
-    problems: list[MapProblem] = []
-    solve = solver.map_solver.solve
-
-    def noting(problem: MapProblem, start: NDArray[np.float64]):
-        problems.append(problem)
-        return solve(problem, start)
-
-    solver.map_solver.solve = noting  # type: ignore[method-assign]
+    problems = []
     for frame in take:
         solver.solve(frame)
+        problems.append(solver.problem)
     return problems
 
 
-def _by_least_squares(problem: MapProblem) -> NDArray:
+def _by_least_squares(problem: MapProblem) -> NDArray[np.floating]:
     """The same optimum by SciPy's trust-region least squares with the analytic Jacobian."""
     root = np.linalg.cholesky(problem.prior.precision).T
     state = BodyState.of(len(problem.body.parents))
 
-    def all_residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def all_residuals(q: NDArray[np.float64]) -> NDArray[np.floating]:
         place(problem.body, q, state)
         return np.concatenate((root @ (q - problem.prior.mean), residuals(problem.effectors, state)))
 
-    def all_derivatives(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def all_derivatives(q: NDArray[np.float64]) -> NDArray[np.floating]:
         place(problem.body, q, state)
         return np.concatenate((root, jacobian(problem.body, problem.effectors, state, len(q))))
 

@@ -11,7 +11,7 @@ import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-LINKS = 16
+LINKS = 32
 BUILD_BREADTH = 80
 SEARCH_BREADTH = 160
 

@@ -129,8 +129,12 @@ class Reconstructor:
         self.scale = leg_length(skeleton) / leg_length(database.space.skeleton)
         self._body = Body.of(self.space)
         self._state = BodyState.of(len(skeleton))
+        self.problem: MapProblem
+        """The last frame's MAP problem, ..."""
+        self.solved: NDArray[np.float64]
+        """... and its solution (D,), seen from the same heading frame."""
         self.map_solver = MapSolver(self._body, self.space.dof)
-        self._role_joints = np.array([skeleton.role_joint(role) for role in ROLES], np.int64)
+        self.role_joints = np.array([skeleton.role_joint(role) for role in ROLES], np.int64)
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._lower, self._upper = np.asarray(database.bounds, np.float64).T.copy()
         self._lower[:ROOT_DOF], self._upper[:ROOT_DOF] = -np.inf, np.inf
@@ -185,9 +189,10 @@ class Reconstructor:
         heading = self._past[-1].heading
         prediction = self._predictor.predict(self._past, self._filled(positions))
         predicted = perf_counter_ns()
-        points = effectors(self._measurement(frame, positions), self._role_joints, self.mounting, heading)
-        problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
-        found = self.map_solver.solve(problem, prediction.prior.mean)
+        points = effectors(self._measurement(frame, positions), self.role_joints, self.mounting, heading)
+        self.problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
+        found = self.map_solver.solve(self.problem, prediction.prior.mean)
+        self.solved = found.q
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
         self._remember(pose)
@@ -238,9 +243,9 @@ class Reconstructor:
     def _going_on(self) -> NDArray[np.float64]:
         """Where (6, 3) the trackers come to when they move on as they did, seen from the last heading frame."""
         before, last = self._past[-2], self._past[-1]
-        points = (before.joints[self._role_joints] + before.arms)[None]
+        points = (before.joints[self.role_joints] + before.arms)[None]
         earlier = seen_from(points, before.heading[None], last.heading[None])[0]
-        return 2 * (last.joints[self._role_joints] + last.arms) - earlier
+        return 2 * (last.joints[self.role_joints] + last.arms) - earlier
 
     def _measurement(self, frame: TrackerFrame, positions: NDArray[np.float64]) -> Measurement:
         s = self.settings
@@ -258,7 +263,7 @@ class Reconstructor:
 
     def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
         place(self._body, q, self._state)
-        turned = Rotation.from_matrix(self._state.world[self._role_joints]).as_quat()
+        turned = Rotation.from_matrix(self._state.world[self.role_joints]).as_quat()
         in_world = multiply(np.tile(about_up(heading[2]), (len(ROLES), 1)), turned)
         return SolvedPose(q, heading, self._state.position.copy(), self.mounting.arms(turned), in_world)
 

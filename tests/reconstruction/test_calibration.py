@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from devices.errors import FileError, SettingError
+from devices.frame import TrackerFrame
+from devices.sample import ROLES
+from reconstruction.calibration import SEGMENTS, Profile, calibrate, scaled
+from reconstruction.kinematics import world_joints
+from reconstruction.motion_operations import retargeted
+from reconstruction.mounting import Mounting
+from reconstruction.rotations import exponential
+from reconstruction.solver import reconstruct
+from tests.reconstruction.conftest import strolling
+from tests.reconstruction.test_effectors import frames_of, readings
+from tests.reconstruction.test_solver import UNSEEN, errors_cm
+
+
+def test_a_body_and_its_trackers_are_found(database):
+    body = database.space.skeleton
+    scales = {"stature": 0.93, "torso": 1.08, "upper arms": 0.92, "forearms": 0.92, "thighs": 1.06}
+    rng = np.random.default_rng(0)
+    worn = Mounting(rng.uniform(-0.04, 0.04, (6, 3)), exponential(rng.normal(0, 0.5, (6, 3))))
+    performer = scaled(body, scales)
+    profile = calibrate(frames_of(*readings(retargeted(strolling(60, 240), performer), worn)), database)
+    assert profile.verdict == "good"
+
+    def lengths(skeleton):
+        return np.linalg.norm(skeleton.offsets, axis=1)[1:]
+
+    found, plain = (np.mean(np.abs(lengths(s) / lengths(performer) - 1)) for s in (profile.skeleton(body), body))
+    assert found < 0.6 * plain
+    motion = retargeted(UNSEEN, performer)
+    frames = frames_of(*readings(motion, worn))
+    with_it = reconstruct(frames, database, profile.skeleton(body), mounting=profile.mounting).motion
+    without = reconstruct(frames, database).motion
+    assert errors_cm(motion, with_it)[15:].mean() < 0.5 * errors_cm(motion, without)[15:].mean()
+
+
+def test_a_known_stature_is_kept(database):
+    frames = frames_of(*readings(strolling(61, 60), Mounting.at_the_joints()))
+    assert calibrate(frames, database, stature_m=1.75, rounds=1).scales["stature"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_subset_of_trackers_is_enough_to_run(database):
+    frames = frames_of(*readings(strolling(62, 60), Mounting.at_the_joints()), ROLES[2:])
+    profile = calibrate(frames, database, rounds=2)
+    assert set(profile.scales) == {"stature", *SEGMENTS}
+    assert np.isfinite(list(profile.scales.values())).all()
+
+
+def test_too_little_to_see_is_refused(database):
+    with pytest.raises(SettingError, match="some seconds"):
+        calibrate([TrackerFrame.from_positions(0.0, {})], database)
+
+
+def test_profiles_are_kept(tmp_path):
+    profile = Profile({"stature": 1.1}, Mounting.at_the_joints(), 2.0)
+    profile.write(tmp_path / "me.json")
+    back = Profile.read(tmp_path / "me.json")
+    assert back.scales == profile.scales
+    np.testing.assert_array_equal(back.mounting.rotations, profile.mounting.rotations)
+    assert back.verdict == "usable"
+    assert [path.name for path in tmp_path.iterdir()] == ["me.json"]
+    (tmp_path / "broken.json").write_text("{}")
+    for name, words in (("broken.json", "not a performer's profile"), ("none.json", "No such file")):
+        with pytest.raises(FileError, match=words):
+            Profile.read(tmp_path / name)
+
+
+def test_scaling_leaves_directions_alone(database):
+    body = database.space.skeleton
+    longer = scaled(body, {"stature": 1.2, "thighs": 1.1})
+    ratio = np.linalg.norm(longer.offsets, axis=1) / np.linalg.norm(body.offsets, axis=1)
+    knee = body.humanoid["left_lower_leg"]
+    assert ratio[knee] == pytest.approx(1.32)
+    assert ratio[body.humanoid["head"]] == pytest.approx(1.2)
+    straight, _ = world_joints(body, np.zeros(3), np.tile([0, 0, 0, 1.0], (len(body), 1)))
+    assert np.isfinite(straight).all()
