@@ -30,7 +30,7 @@ def resampled(motion: Motion, fps: float) -> Motion:
     """
     if not (np.isfinite(fps) and fps > 0):
         raise SettingError(f"{fps} frames a second: it must be above zero")
-    if fps == motion.fps or len(motion) < 2:
+    if abs(fps - motion.fps) < 1e-6 * fps or len(motion) < 2:
         return replace(motion, fps=float(fps))
     at = np.arange(0, motion.duration_s + 1e-9, 1 / fps) * motion.fps
     positions, rotations = sampled(motion, at)
@@ -60,7 +60,7 @@ def concatenated(motions: Sequence[Motion], name: str | None = None) -> Motion:
     first = motions[0]
     for motion in motions[1:]:
         require_same_joints(first.skeleton, motion.skeleton, motion.name)
-        if motion.fps != first.fps:
+        if not same_rate(motion, first):
             raise SettingError(f"{motion.name!r} has {motion.fps:g} frames a second, {first.name!r} {first.fps:g}")
     return replace(
         first,
@@ -68,6 +68,11 @@ def concatenated(motions: Sequence[Motion], name: str | None = None) -> Motion:
         rotations=frozen(continuous_hemispheres(np.concatenate([m.rotations for m in motions]))),
         name=name or first.name,
     )
+
+
+def same_rate(a: Motion, b: Motion) -> bool:
+    """Whether two motions have the same frame rate, rounding aside."""
+    return abs(a.fps - b.fps) < 1e-6 * a.fps
 
 
 def require_same_joints(expected: Skeleton, given: Skeleton, name: str) -> None:

@@ -105,12 +105,26 @@ def nearest_between(
 
 
 @njit(cache=True)
-def _nearest(p, q, r, s):  # pragma: no cover - compiled
-    """Parameters of the nearest points of segments p-q and r-s (C. Ericson, Real-Time Collision Detection, 5.1.9)."""
-    d1, d2, w = q - p, s - r, p - r
-    a, e, f = (d1 * d1).sum(), (d2 * d2).sum(), (d2 * w).sum()
-    b, c = (d1 * d2).sum(), (d1 * w).sum()
-    a, e = max(a, 1e-12), max(e, 1e-12)
+def _dot(a, b):  # pragma: no cover - compiled
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _minus(a, b):  # pragma: no cover - compiled
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@njit(cache=True)
+def _along(a, way, share):  # pragma: no cover - compiled
+    return (a[0] + share * way[0], a[1] + share * way[1], a[2] + share * way[2])
+
+
+@njit(cache=True)
+def _nearest(p, d1, r, d2):  # pragma: no cover - compiled
+    """Shares of the nearest points of p + u d1 and r + v d2 (C. Ericson, Real-Time Collision Detection, 5.1.9)."""
+    w = _minus(p, r)
+    a, e, f = max(_dot(d1, d1), 1e-12), max(_dot(d2, d2), 1e-12), _dot(d2, w)
+    b, c = _dot(d1, d2), _dot(d1, w)
     below = a * e - b * b
     u = min(max((b * f - c * e) / below, 0.0), 1.0) if below > 1e-12 else 0.0
     v = (b * u + f) / e
@@ -119,6 +133,11 @@ def _nearest(p, q, r, s):  # pragma: no cover - compiled
     elif v > 1:
         v, u = 1.0, min(max((b - c) / a, 0.0), 1.0)
     return u, v
+
+
+@njit(cache=True)
+def _place(joints, n, j):  # pragma: no cover - compiled
+    return (joints[n, j, 0], joints[n, j, 1], joints[n, j, 2])
 
 
 @njit(cache=True)
@@ -132,16 +151,19 @@ def arm_depths_kernel(joints, arms, segments, radii):  # pragma: no cover - comp
     outwards, contacts = np.zeros((frames, count, 3)), np.zeros((frames, count, 3))
     for n in range(frames):
         for k in range(count):
-            elbow, hand = joints[n, arms[k, 1]], joints[n, arms[k, 2]]
+            elbow = _place(joints, n, arms[k, 1])
+            forearm = _minus(_place(joints, n, arms[k, 2]), elbow)
             for m in range(segments.shape[0]):
-                near, far = joints[n, segments[m, 0]], joints[n, segments[m, 1]]
-                u, v = _nearest(elbow, hand, near, far)
-                place = elbow + u * (hand - elbow)
-                way = place - (near + v * (far - near))
-                distance = np.sqrt((way * way).sum())
+                near = _place(joints, n, segments[m, 0])
+                bone = _minus(_place(joints, n, segments[m, 1]), near)
+                u, v = _nearest(elbow, forearm, near, bone)
+                place = _along(elbow, forearm, u)
+                way = _minus(place, _along(near, bone, v))
+                distance = np.sqrt(_dot(way, way))
                 depth = radii[m] + radii[-1] - distance
                 if depth > depths[n, k]:
                     depths[n, k] = depth
-                    outwards[n, k] = way / max(distance, 1e-9)
-                    contacts[n, k] = place
+                    for i in range(3):
+                        outwards[n, k, i] = way[i] / max(distance, 1e-9)
+                        contacts[n, k, i] = place[i]
     return depths, outwards, contacts

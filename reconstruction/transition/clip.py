@@ -77,6 +77,23 @@ class TransitionClip:
         return self.motion.fps
 
     @cached_property
+    def headings(self) -> NDArray[np.float64]:
+        """(T,) radians about +Y from +Z: where hips and shoulders face; the root's own +Z where there are none.
+
+        From joint positions, since joints' own axes differ from skeleton to skeleton.
+        """
+        bones = self.skeleton.humanoid
+        across = np.zeros((len(self), 3))
+        for bone in ("upper_leg", "upper_arm"):
+            if f"left_{bone}" in bones and f"right_{bone}" in bones:
+                side = self.joints[:, bones[f"left_{bone}"]] - self.joints[:, bones[f"right_{bone}"]]
+                across += side / np.maximum(np.linalg.norm(side, axis=-1, keepdims=True), 1e-9)
+        forward = rotate(self.world_rotations[:, 0], np.array([0.0, 0.0, 1.0]))
+        upright = np.hypot(across[:, 0], across[:, 2]) > 1e-6
+        facing = np.where(upright, np.arctan2(-across[:, 2], across[:, 0]), np.arctan2(forward[:, 0], forward[:, 2]))
+        return frozen(facing)
+
+    @cached_property
     def leg_joints(self) -> NDArray[np.int64]:
         """(F, 3) hip, knee and ankle of each leg."""
         return np.array([(leg.hip, leg.knee, leg.ankle) for leg in self.legs], np.int64).reshape(-1, 3)
@@ -142,7 +159,10 @@ class TransitionClip:
 
     def at_rate(self, fps: float) -> "TransitionClip":
         """The same clip at another frame rate."""
-        return self if fps == self.fps else prepared(resampled(self.motion, fps), self.thresholds)
+        moved = resampled(self.motion, fps)
+        return (
+            self if len(moved) == len(self) and abs(fps - self.fps) < 1e-6 * fps else prepared(moved, self.thresholds)
+        )
 
 
 def prepared(motion: Motion, thresholds: ClassThresholds = DEFAULT_THRESHOLDS) -> TransitionClip:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from reconstruction.rotations import multiply, rotate
 from reconstruction.transition.clip import Leg, TransitionClip
 from reconstruction.transition.crossing import Crossing
-from reconstruction.transition.curves import quintic_weights, trend_weights, turned_by
+from reconstruction.transition.curves import quintic_weights, trend_weights, turned_by_kernel
 
 SETTLE_S = 0.12
 """A planted foot's last motion dies away over this time."""
@@ -130,7 +130,7 @@ def ankle_paths(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], d
 
 def foot_turns(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
     """(N, F, 4) world rotations of the feet at times t (N,), turning while their ankles are under way."""
-    turns = np.empty((len(t), len(steps), 4))
+    vectors = np.empty((len(t), len(steps), 3))
     settle = min(SETTLE_S, duration / 2)
     for f, step in enumerate(steps):
         weights = quintic_weights(t - step.lift_s, step.land_s - step.lift_s)
@@ -138,9 +138,8 @@ def foot_turns(crossing: Crossing, steps: list[Step], t: NDArray[np.float64], du
             weights[:, 1:3] = quintic_weights(t, settle)[:, 1:3]
         if crossing.stands_in[f]:
             weights[:, 4:] = quintic_weights(t - (duration - settle), settle)[:, 4:]
-        start = crossing.a.world_rotations[crossing.at, crossing.ankles[f]]
-        turns[:, f] = turned_by(start, weights @ crossing.foot_keys[:, f])
-    return turns
+        vectors[:, f] = weights @ crossing.foot_keys[:, f]
+    return turned_by_kernel(crossing.a.world_rotations[crossing.at, crossing.ankles], vectors)
 
 
 def raised_above_floor(

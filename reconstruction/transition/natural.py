@@ -82,7 +82,8 @@ def natural_transition(
         if slower.peak > _WORTH * draft.peak:
             break
         draft = slower
-    between = between_motion(a, draft.positions, draft.rotations)
+    crossing = Crossing(a, at, b, into, draft.placement)
+    between = between_motion(a, draft.positions, _with_clear_arms(crossing, draft.positions, draft.rotations))
     return Transition(between, draft.duration, draft.placement, "natural")
 
 
@@ -102,7 +103,6 @@ def _drafted(a: TransitionClip, at: int, b: TransitionClip, into: int, heading: 
     keep_within_kernel(rotations, *limits_of(crossing))
     if a.legs and count:
         positions = _on_its_feet(crossing, positions, rotations, t, time)
-    rotations = _with_clear_arms(crossing, positions, rotations)
     return _Draft(positions, rotations, time, crossing.placement, _peak(crossing, rotations))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from devices.frame import frozen
 from reconstruction.motion import Motion
-from reconstruction.rotations import about_up, multiply, rotate
+from reconstruction.rotations import about_up, multiply
 from reconstruction.transition.clip import TransitionClip
 
 
@@ -25,11 +25,11 @@ class Placement:
 
     def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (..., 3) of the clip, in the world."""
-        return rotate(self.turn, points) + self.shift
+        return points @ self._matrix.T + self.shift
 
     def vectors(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Directions and speeds (..., 3) of the clip, in the world."""
-        return rotate(self.turn, vectors)
+        return vectors @ self._matrix.T
 
     def rotations(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
         """World rotations (..., 4) of the clip, in the world."""
@@ -39,6 +39,11 @@ class Placement:
     def turn(self) -> NDArray[np.float64]:
         """(4,) the turn as a quaternion."""
         return about_up(np.asarray(self.yaw))
+
+    @cached_property
+    def _matrix(self) -> NDArray[np.float64]:
+        cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array(((cosine, 0.0, sine), (0.0, 1.0, 0.0), (-sine, 0.0, cosine)))
 
     def within(self, outer: "Placement") -> "Placement":
         """This placement in a clip that is itself placed by `outer`."""
@@ -57,24 +62,12 @@ def placed_at(clip: TransitionClip, frame: int, position: NDArray[np.float64], h
     position: (3,) metres; heading: radians about +Y from +Z. The clip's heights stay.
     """
     yaw = heading - heading_at(clip, frame)
-    turned = rotate(about_up(np.asarray(yaw)), clip.motion.root_positions[frame])
+    turned = Placement(yaw, np.zeros(3)).points(clip.motion.root_positions[frame])
     shift = np.asarray(position, float) - turned
     shift[1] = 0.0
-    return Placement(float(yaw), frozen(shift))
+    return Placement(yaw, frozen(shift))
 
 
 def heading_at(clip: TransitionClip, frame: int) -> float:
-    """Radians about +Y from +Z: where hips and shoulders face; the root's own +Z where there are none.
-
-    From joint positions, since joints' own axes differ from skeleton to skeleton.
-    """
-    bones = clip.skeleton.humanoid
-    across = np.zeros(3)
-    for bone in ("upper_leg", "upper_arm"):
-        if f"left_{bone}" in bones and f"right_{bone}" in bones:
-            side = clip.joints[frame, bones[f"left_{bone}"]] - clip.joints[frame, bones[f"right_{bone}"]]
-            across += side / max(float(np.linalg.norm(side)), 1e-9)
-    if np.hypot(across[0], across[2]) < 1e-6:
-        forward = rotate(clip.world_rotations[frame, 0], np.array([0.0, 0.0, 1.0]))
-        return float(np.arctan2(forward[0], forward[2]))
-    return float(np.arctan2(-across[2], across[0]))
+    """Radians about +Y from +Z that the clip's body faces at a frame."""
+    return float(clip.headings[frame])

@@ -7,7 +7,7 @@ import numpy as np
 from devices.errors import SettingError
 from devices.frame import frozen
 from reconstruction.motion import Motion
-from reconstruction.motion_operations import concatenated, cropped, retargeted
+from reconstruction.motion_operations import concatenated, cropped, retargeted, same_rate
 from reconstruction.transition.clip import TransitionClip, prepared
 from reconstruction.transition.rebasing import Placement
 
@@ -51,7 +51,7 @@ def _cut(clip: TransitionClip, start: int, stop: int) -> TransitionClip:
 
 def ready_pair(a: TransitionClip, b: TransitionClip) -> TransitionClip:
     """`b` on the body and at the frame rate of `a`. Raises SettingError naming the joints where skeletons differ."""
-    if b.skeleton is a.skeleton and b.fps == a.fps:
+    if b.skeleton is a.skeleton and same_rate(b.motion, a.motion):
         return b
     same_body = b.skeleton.same_tree(a.skeleton) and np.array_equal(b.skeleton.offsets, a.skeleton.offsets)
     if not same_body:
