@@ -1,4 +1,4 @@
-"""Damped least squares inverse kinematics: no data but the mean pose (Wampler 1986; Nakamura and Hanafusa 1986)."""
+"""Damped least squares inverse kinematics: Wampler 1986; Nakamura and Hanafusa 1986. It knows a mean and a spread."""
 
 from collections.abc import Sequence
 
@@ -9,26 +9,28 @@ from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.prediction import Prediction, SolvedPose
 
+_ON_THE_FLOOR = [0, 2, 4]
+"""Places in q of the root's x, z and yaw: where on the floor and which way, no part of the posture."""
+
 
 class DampedIkPredictor:
-    """Each angle stays near where it was, and is drawn gently to the database's mean pose."""
+    """Each coordinate stays near where it was, and is drawn to the database's mean by its spread there."""
 
-    STEP = 0.10
+    STEP = 0.05
     """Radians (metres for the root) a frame: the damping."""
-    POSTURE = 0.7
-    """Radians from the mean pose."""
-    UPRIGHT = 0.15
-    """Radians and metres of the root's tilt and height from the mean's: it has no tracker of its own in small sets."""
+    SPREADS = 1.0
+    """Standard deviations of the database in one of the prior."""
+    LEAST_SPREAD = 0.01
+    """Radians: of a coordinate that hardly moves in the database."""
 
     def __init__(self, database: MotionDatabase, scale: float, roles: Sequence[str]):
-        """Takes of the database the mean root height alone: angles are about their means already."""
-        posture = np.full(database.space.dof, self.POSTURE**-2)
-        posture[[0, 2, 4]] = 0.0  # where on the floor and which way it faces is nobody's posture
-        posture[[1, 3, 5]] = self.UPRIGHT**-2
-        self._mean = np.zeros(database.space.dof)
-        self._mean[1] = scale * float(np.mean(database.poses[:: max(1, len(database) // 1000), 1]))
-        self._posture = posture
-        self._precision = np.diag(posture + self.STEP**-2)
+        """scale: the performer's size over the database's; roles: the trackers there are, which it does not need."""
+        poses = np.asarray(database.poses[:: max(1, len(database) // 5000)], np.float64)
+        self._mean = poses.mean(axis=0)
+        self._mean[1] *= scale
+        self._posture = (self.SPREADS * np.maximum(poses.std(axis=0), self.LEAST_SPREAD)) ** -2
+        self._posture[_ON_THE_FLOOR] = 0.0
+        self._precision = np.diag(self._posture + self.STEP**-2)
 
     def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
         """See `Predictor`; the trackers come in with the likelihood."""

@@ -22,9 +22,9 @@ class LocalPcaPredictor:
 
     VARIANCE_KEPT = 0.99
     """Share of the examples' variance that the subspace holds (Chai and Hodgins, section 5.2)."""
-    STRAY = 0.01
+    STRAY = 0.02
     """Radians (metres for the root) a degree of freedom may leave the subspace."""
-    SMOOTH = 0.06
+    SMOOTH = 0.15
     """Radians (metres) from the pose that a constant velocity would lead to: the weight of E_smoothness."""
 
     def __init__(self, database: MotionDatabase, scale: float, roles: Sequence[str]):

@@ -28,17 +28,18 @@ class StyleIkPredictor:
 
     ACTIVE = 300
     LATENT = 5
-    TRACKER_SIGMA = 0.03
+    TRACKER_SIGMA = 0.015
     """Metres: how near a latent pose's tracked joints are asked to come before the pose itself is solved."""
-    SMOOTH = 0.25
+    SMOOTH = 0.1
     """Radians: how far, for the latent point, a frame's pose may lie from the last one's."""
     FLOOR_DEVIATION = 0.05
     """Metres and radians: how far the root may stand and turn from where the latent pose was laid."""
-    LEAST_DEVIATION = 0.04
+    LEAST_DEVIATION = 0.03
     """Radians (metres): how sure of a degree of freedom the model may be at most."""
     CLEARLY = 10.0
     """By how much another start must lower L_IK before the last latent point is left."""
-    STEPS = 12
+    STEPS = 8
+    """L-BFGS steps of the latent search a frame."""
 
     def __init__(self, database: MotionDatabase, scale: float, roles: Sequence[str], seed: int = 0):
         """scale: the performer's size over the database's; roles: the trackers there are; seed: of the pose sample."""
