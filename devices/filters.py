@@ -25,7 +25,7 @@ class OneEuroSettings:
     """
 
     min_cutoff_hz: float = 4.0
-    beta: float = 20.0
+    beta: float = 60.0
     speed_cutoff_hz: float = 5.0
 
     def __post_init__(self) -> None:
