@@ -18,6 +18,7 @@ def deform(
     resolution: Resolution = "medium",
     particles: Annotated[int | None, typer.Option(min=50, help="Lattice particles, about; 1,900 otherwise.")] = None,
     cell_size_m: Annotated[float | None, typer.Option(help="Edge of a lattice cell, metres, instead.")] = None,
+    painting: Annotated[Path | None, typer.Option(help="Painted weights and softness to lay on, .npz.")] = None,
     delta: Annotated[float, typer.Option(help="Share of the secondary motion, 0 to 0.95.")] = 0.6,
     frequency_hz: Annotated[float, typer.Option(help="Of the flesh's free swing, 0.5 to 12.")] = 3.5,
     damping_ratio: Annotated[float, typer.Option(help="0 swings on, 1 does not overshoot.")] = 0.25,
@@ -31,13 +32,14 @@ def deform(
     A .glb holds the skeleton, at most four weights a vertex and the motion; whoever plays it blends linearly. The
     volume's keeping and the flesh's swing are in the vertices of an .npz and in pictures.
     """
-    from capture.characters import load_character
+    from capture.characters import cast
     from capture.deforming import pictures, write_vertices
     from capture.export import read_npz, write_glb
-    from capture.progress import progress_bar
+    from capture.progress import progress_bar, tell_all
     from capture.video import write_frames, write_video
-    from deformation.character import LatticeSettings, make_character
+    from deformation.character import LatticeSettings
     from deformation.deformer import DeformSettings
+    from deformation.painting import painted
     from deformation.secondary_motion import SecondarySettings
     from reconstruction.motion_files import read_motion
     from reconstruction.motion_operations import resampled
@@ -53,18 +55,19 @@ def deform(
     clip = read_npz(motion) if motion.suffix.lower() == ".npz" else read_motion(motion)
     rate = fps or (clip.fps if ending in (".glb", ".npz") else min(clip.fps, 30.0))
     clip = resampled(clip, rate) if abs(rate - clip.fps) > 1e-6 else clip
-    body = load_character(character, clip.skeleton, resolution, clip.pose(0))
-    if particles is not None or cell_size_m is not None:
-        cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
-        body = make_character(body.mesh, body.skeleton, body.bind, body.name, cells)
+    cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
+    chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells)
+    tell_all(chosen.notes)
+    body, clip = chosen.character, chosen.motion(clip)
+    body = painted(body, painting) if painting is not None else body
     if ending == ".glb":
-        write_glb(body, clip, out)
+        write_glb(body, clip, out, skin=chosen.skin)
     else:
         with progress_bar("deforming") as progress:
             if ending == ".npz":
                 write_vertices(body, clip, settings, out, progress)
             elif ending:
-                write_video(pictures(body, clip, settings, (width, height), progress=progress), out, rate)
+                write_video(pictures(chosen, clip, settings, (width, height), progress=progress), out, rate)
             else:
-                write_frames(pictures(body, clip, settings, (width, height), progress=progress), out)
+                write_frames(pictures(chosen, clip, settings, (width, height), progress=progress), out)
     print(f"{len(clip)} frames of {len(body.mesh.vertices)} vertices on {len(body.lattice.particles)} particles: {out}")
