@@ -1,29 +1,73 @@
-"""Which character a name means, bound to the performer's skeleton."""
+"""Which character a name means, bound to a skeleton, and how the performer's poses become its own."""
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from deformation.character import Character, mannequin_character
+from capture.scene import CLAY
+from deformation.character import Character, LatticeSettings, mannequin_character
+from deformation.character_files import Skin, bound_character, read_character
+from deformation.retarget import Retargeter
 from devices.errors import choice_error
 from reconstruction.database import MotionDatabase
-from reconstruction.motion import Pose
+from reconstruction.motion import Motion, Pose
 from reconstruction.skeleton import Skeleton
 
 MANNEQUIN = "mannequin"
 RESOLUTIONS = ("low", "medium", "high")
 
 
-def load_character(
-    name: str, skeleton: Skeleton, resolution: str = "medium", reference: Pose | None = None
-) -> Character:
-    """The mannequin on that skeleton. reference: a pose that stands, for skeletons whose rest pose is none.
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """A character in a performer's part.
 
-    Raises SettingError for an unknown character or resolution.
+    retargeter: carries the performer's poses to the character's skeleton; None where they share one.
+    skin: what the file says of its surface, or None. notes: what was mended in the file, one line each.
     """
-    if name != MANNEQUIN:
-        raise choice_error("character", name, (MANNEQUIN,))
+
+    character: Character
+    retargeter: Retargeter | None = None
+    skin: Skin | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def colours(self) -> ArrayLike:
+        """(3,) or (V, 3) sRGB."""
+        return CLAY if self.skin is None else self.skin.colours
+
+    def motion(self, motion: Motion) -> Motion:
+        """The performer's motion on the character's skeleton."""
+        return motion if self.retargeter is None else self.retargeter.motion(motion)
+
+    def pose(self, pose: Pose) -> Pose:
+        """The performer's pose on the character's skeleton."""
+        return pose if self.retargeter is None else self.retargeter.pose(pose)
+
+
+def cast(
+    name: str,
+    performer: Skeleton,
+    resolution: str = "medium",
+    reference: Pose | None = None,
+    settings: LatticeSettings | None = None,
+) -> Cast:
+    """The mannequin on the performer's own skeleton, or a file: GLB, VRM, or OBJ and PLY with a rig beside.
+
+    reference: a pose of the performer that stands, for skeletons whose rest pose is none. Raises SettingError for an
+    unknown resolution, FileError for a file that is no character.
+    """
     if resolution not in RESOLUTIONS:
         raise choice_error("mannequin resolution", resolution, RESOLUTIONS)
-    return mannequin_character(skeleton, resolution, reference)
+    if name == MANNEQUIN:
+        return Cast(mannequin_character(performer, resolution, reference, settings))
+    if not Path(name).suffix:
+        raise choice_error("character", name, (MANNEQUIN, "the path of a .glb, .vrm, .obj or .ply file"))
+    file = read_character(name)
+    character = bound_character(file, settings)
+    retargeter = Retargeter(performer, character.skeleton, reference, target_bind=character.bind)
+    return Cast(character, retargeter, file.skin, file.notes)
 
 
 def average_pose(database: MotionDatabase, skeleton: Skeleton) -> Pose:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.characters import Cast
 from capture.raster import render
 from capture.stage import Stage
 from capture.viewing import Layers
@@ -62,14 +63,15 @@ def write_vertices(
 
 
 def pictures(
-    character: Character,
+    chosen: Cast,
     motion: Motion,
     settings: DeformSettings,
     size: tuple[int, int] = (960, 540),
     layers: Layers | None = None,
     progress: Progress = no_progress,
 ) -> Iterator[NDArray[np.uint8]]:
-    """A picture (H, W, 3) sRGB of each frame; size: width and height in pixels."""
-    stage, layers = Stage(character.skeleton, character), layers or Layers()
+    """A picture (H, W, 3) sRGB of each frame of a motion of the character's own; size: width and height in pixels."""
+    character = chosen.character
+    stage, layers = Stage(character.skeleton, chosen), layers or Layers()
     for number, (joints, mesh) in enumerate(deformed_frames(character, motion, settings, progress)):
         yield render(stage.scene(number / motion.fps, None, joints, mesh, layers), *size)

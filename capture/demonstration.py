@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.characters import average_pose, load_character
+from capture.characters import Cast, average_pose, cast
 from capture.export import write_glb, write_motion
 from capture.latency import LatencyRecorder, latency_table
 from capture.library import open_named_database
@@ -16,12 +16,9 @@ from capture.pipeline import Pipeline
 from capture.playing import Performance, PerformanceSource
 from capture.progress import progress_bar
 from capture.raster import render
-from capture.stage import Stage
 from capture.video import write_frames, write_video
 from capture.viewer import has_display, show
 from capture.viewing import Layers
-from deformation.character import Character
-from deformation.deformer import Deformer
 from devices.errors import SixpointError
 from devices.frame import TrackerFrame, frozen
 from reconstruction.database import MotionDatabase
@@ -40,22 +37,23 @@ def run_demo(out: Path | None, resolution: str, window: bool, seconds: float | N
     with progress_bar("opening the motion library") as progress:
         database = open_named_database(progress=progress)
     frames = _frames(database, seconds)
-    character = _character(database, resolution)
+    skeleton = database.space.skeleton
+    mannequin = cast("mannequin", skeleton, resolution, average_pose(database, skeleton))
     latencies = LatencyRecorder(len(frames))
-    performance = perform(frames, database, character, latencies)
-    shown = window and _show(performance, character)
+    performance = perform(frames, database, mannequin, latencies)
+    shown = window and _show(performance, mannequin)
     if out is not None or not shown:
         folder = out or _OUT
         folder.mkdir(parents=True, exist_ok=True)
-        _write(folder, performance, character, latencies, pictures=not shown)
+        _write(folder, performance, mannequin, latencies, pictures=not shown)
     _report(latencies, as_json)
 
 
 def perform(
-    frames: list[TrackerFrame], database: MotionDatabase, character: Character, latencies: LatencyRecorder
+    frames: list[TrackerFrame], database: MotionDatabase, mannequin: Cast, latencies: LatencyRecorder
 ) -> Performance:
     """Every frame through the whole pipeline, skin included, with its latencies."""
-    pipeline = Pipeline(Reconstructor(database), Deformer(character))
+    pipeline = Pipeline(Reconstructor(database), mannequin)
     solutions = []
     with progress_bar("loading kernels"):
         pipeline.warm_up()
@@ -82,42 +80,31 @@ def _frames(database: MotionDatabase, seconds: float | None) -> list[TrackerFram
     return frames if seconds is None else frames[: max(2, round(seconds * database.fps))]
 
 
-def _character(database: MotionDatabase, resolution: str) -> Character:
-    skeleton = database.space.skeleton
-    return load_character("mannequin", skeleton, resolution, average_pose(database, skeleton))
-
-
-def _show(performance: Performance, character: Character) -> bool:
+def _show(performance: Performance, mannequin: Cast) -> bool:
     """The window, where one can be opened; says why not where it should have been."""
     if not has_display():
         return False
     try:
-        show(_source(performance, character), title="sixpoint demo")
+        show(PerformanceSource(performance, mannequin, "sixpoint demo"), title="sixpoint demo")
     except SixpointError as error:
         print(f"sixpoint: {error}; writing files instead", file=sys.stderr)
         return False
     return True
 
 
-def _source(performance: Performance, character: Character) -> PerformanceSource:
-    return PerformanceSource(performance, Stage(character.skeleton, character), Deformer(character), "sixpoint demo")
-
-
-def _write(
-    folder: Path, performance: Performance, character: Character, latencies: LatencyRecorder, pictures: bool
-) -> None:
+def _write(folder: Path, performance: Performance, mannequin: Cast, latencies: LatencyRecorder, pictures: bool) -> None:
     write_motion(performance.motion, folder / "pose.bvh")
-    write_glb(character, performance.motion, folder / "character.glb")
+    write_glb(mannequin.character, performance.motion, folder / "character.glb")
     (folder / "latency.json").write_text(json.dumps(latencies.summary(), indent=1) + "\n")
     if pictures:
-        images = list(_pictures(performance, character))
+        images = list(_pictures(performance, mannequin))
         write_frames(images, folder / "frames")
         write_video(images, folder / "demo.gif", _FILM_FPS)
     print(f"wrote {folder}/: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
 
 
-def _pictures(performance: Performance, character: Character) -> Iterator[np.ndarray]:
-    source = _source(performance, character)
+def _pictures(performance: Performance, mannequin: Cast) -> Iterator[np.ndarray]:
+    source = PerformanceSource(performance, mannequin, "sixpoint demo")
     total = int(source.duration_s * _FILM_FPS) + 1
     with progress_bar("drawing") as progress:
         for number, scene in enumerate(source.scenes(_FILM_FPS, Layers()), 1):

@@ -5,14 +5,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from capture.characters import average_pose, load_character
+from capture.characters import average_pose, cast
 from capture.clock import SessionClock
 from capture.config import DeviceConfig, SessionConfig, commented_config
 from capture.library import open_named_database
 from capture.pipeline import Pipeline, Shot
 from capture.session import Session, SessionDevice
 from capture.solving import performer_skeleton
-from deformation.deformer import Deformer
 from devices.assembler import FrameAssembler
 from devices.errors import DeviceError
 from devices.intake import IDENTITY_ASSIGNMENT, DeviceIntake
@@ -81,8 +80,7 @@ def make_pipeline(config: SessionConfig, skinned: bool, progress: Progress = no_
     if not skinned:
         return Pipeline(reconstructor)
     look = config.character
-    character = load_character(look.mesh, skeleton, look.resolution, average_pose(database, skeleton))
-    return Pipeline(reconstructor, Deformer(character))
+    return Pipeline(reconstructor, cast(look.mesh, skeleton, look.resolution, average_pose(database, skeleton)))
 
 
 def make_session(

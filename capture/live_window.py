@@ -51,6 +51,5 @@ def show_session(session: Session, ended: Callable[[], bool]) -> None:
     from capture.viewer import show
 
     assert session.pipeline is not None
-    deformer = session.pipeline.deformer
-    stage = Stage(session.pipeline.reconstructor.skeleton, deformer.character if deformer else None)
+    stage = Stage(session.pipeline.reconstructor.skeleton, session.pipeline.cast)
     show(SessionSource(session, stage), title="sixpoint live", until=ended)

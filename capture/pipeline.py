@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.characters import Cast
 from deformation.deformer import DeformedMesh, Deformer
 from devices.frame import TrackerFrame, frozen
 from devices.sample import ROLES
 from reconstruction.kinematics import world_transforms
+from reconstruction.motion import Pose
 from reconstruction.solver import Reconstructor, Solution
 
 _WARM_UP_FRAMES = 4
@@ -20,7 +22,7 @@ class Shot:
     """All that is known of one moment.
 
     frame: the trackers; solution: the pose and how far it can be trusted.
-    joints: (J, 4, 4) `T_world_joint`.
+    joints: (J, 4, 4) `T_world_joint` of the performer.
     skin: the deformed character, its own copy, or None where nothing is skinned.
     stages_ns: nanoseconds spent by stage.
     """
@@ -35,8 +37,9 @@ class Shot:
 class Pipeline:
     """The stages in their order, one `step` a tracker frame."""
 
-    def __init__(self, reconstructor: Reconstructor, deformer: Deformer | None = None) -> None:
-        self.reconstructor, self.deformer = reconstructor, deformer
+    def __init__(self, reconstructor: Reconstructor, cast: Cast | None = None) -> None:
+        self.reconstructor, self.cast = reconstructor, cast
+        self.deformer = Deformer(cast.character) if cast else None
         self._last_s: float | None = None
 
     def step(self, frame: TrackerFrame) -> Shot:
@@ -47,7 +50,7 @@ class Pipeline:
         pose = solution.pose
         joints = frozen(world_transforms(self.reconstructor.skeleton, pose.root_position, pose.rotations))
         stood = time.perf_counter_ns()
-        skin = _kept(self.deformer.deform(joints, self._elapsed(frame.time_s))) if self.deformer else None
+        skin = self._skinned(pose, joints, self._elapsed(frame.time_s))
         end = time.perf_counter_ns()
         stages = {"solve": solved - begin, "joints": stood - solved, "skin": end - stood, "whole frame": end - begin}
         return Shot(frame, solution, joints, skin, stages)
@@ -65,6 +68,14 @@ class Pipeline:
         if self.deformer:
             self.deformer.reset()
         self._last_s = None
+
+    def _skinned(self, pose: Pose, joints: NDArray[np.float64], elapsed_s: float) -> DeformedMesh | None:
+        if self.cast is None or self.deformer is None:
+            return None
+        if self.cast.retargeter is not None:
+            own = self.cast.pose(pose)
+            joints = world_transforms(self.cast.character.skeleton, own.root_position, own.rotations)
+        return _kept(self.deformer.deform(joints, elapsed_s))
 
     def _elapsed(self, time_s: float) -> float:
         """Seconds since the last frame, one sixtieth for the first."""

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.characters import Cast
 from capture.scene import Scene
 from capture.stage import Stage
 from capture.viewing import Layers
-from deformation.deformer import DeformedMesh, Deformer
+from deformation.deformer import DeformedMesh, Deformer, DeformSettings
 from devices.frame import TrackerFrame
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Motion
@@ -32,10 +33,14 @@ class PerformanceSource:
     it anew.
     """
 
-    def __init__(self, performance: Performance, stage: Stage, deformer: Deformer | None, title: str = "") -> None:
-        self.performance, self.stage, self.deformer, self.title = performance, stage, deformer, title
-        motion = performance.motion
-        self._joints = world_transforms(motion.skeleton, motion.root_positions, motion.rotations)
+    def __init__(
+        self, performance: Performance, cast: Cast, title: str = "", settings: DeformSettings | None = None
+    ) -> None:
+        self.performance, self.title = performance, title
+        self.stage = Stage(performance.motion.skeleton, cast)
+        self.deformer = Deformer(cast.character, settings)
+        self._joints = _all_joints(performance.motion)
+        self._moving = self._joints if cast.retargeter is None else _all_joints(cast.motion(performance.motion))
         self._at: int | None = None
         self._skin: DeformedMesh | None = None
 
@@ -66,7 +71,7 @@ class PerformanceSource:
             yield self.scene(number / fps, layers)
 
     def _go_to(self, frame: int) -> None:
-        if self.deformer is None or frame == self._at:
+        if frame == self._at:
             return
         near = self._at is not None and 0 < frame - self._at <= self.performance.motion.fps / 4
         if not near:
@@ -74,7 +79,7 @@ class PerformanceSource:
             self.stage.cut()
         start = self._at + 1 if near and self._at is not None else frame
         for step in range(start, frame + 1):
-            self._skin = self.deformer.deform(self._joints[step], self.frame_s)
+            self._skin = self.deformer.deform(self._moving[step], self.frame_s)
         self._at = frame
 
     def _status(self, frame: int) -> list[str]:
@@ -85,3 +90,8 @@ class PerformanceSource:
         if p.coverage is not None:
             lines.append(f"coverage {p.coverage[frame]:.1f}  (about 1 inside the database)")
         return lines
+
+
+def _all_joints(motion: Motion) -> NDArray[np.float64]:
+    """(T, J, 4, 4) `T_world_joint` of every frame."""
+    return world_transforms(motion.skeleton, motion.root_positions, motion.rotations)

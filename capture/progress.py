@@ -1,6 +1,7 @@
 """Progress bars on the terminal for anything that takes a `devices.progress.Progress`."""
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from devices.progress import Progress
@@ -23,3 +24,9 @@ def progress_bar(description: str) -> Iterator[Progress]:
     with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(description, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def tell_all(lines: Iterable[str]) -> None:
+    """Lines for the person at the keyboard, on standard error."""
+    for line in lines:
+        print(f"sixpoint: {line}", file=sys.stderr)

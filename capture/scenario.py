@@ -1,17 +1,14 @@
-"""From a file and a character's name to what can be played: the common start of demo, replay and deform."""
+"""From a file to what can be played: a take is solved, a motion read."""
 
 from pathlib import Path
 
-from capture.characters import average_pose, load_character
+from capture.characters import average_pose
 from capture.library import open_named_database
 from capture.playing import Performance
 from capture.progress import progress_bar
 from capture.solving import SolvedTake, solve_take
-from capture.stage import Stage
-from deformation.deformer import Deformer
 from reconstruction.motion import Pose
 from reconstruction.motion_files import read_motion
-from reconstruction.skeleton import Skeleton
 
 TAKES = (".mcap", ".csv")
 
@@ -32,9 +29,3 @@ def performance(solved: SolvedTake) -> Performance:
     """A solved take as it is played."""
     r = solved.reconstruction
     return Performance(solved.motion, solved.frames, r.sigma, r.coverage)
-
-
-def staged(skeleton: Skeleton, character: str, resolution: str, reference: Pose | None) -> tuple[Stage, Deformer]:
-    """The stage with a character on that skeleton, and what deforms it."""
-    bound = load_character(character, skeleton, resolution, reference)
-    return Stage(skeleton, bound), Deformer(bound)

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from capture.characters import Cast
 from capture.scene import CLAY, LATTICE, Camera, Lines, Scene, Spheres, Surface, skeleton_marks, tracker_spheres
 from capture.viewing import Layers
-from deformation.character import Character
 from deformation.deformer import DeformedMesh
 from devices.frame import TrackerFrame, frozen
 from reconstruction.skeleton import Skeleton
@@ -46,9 +46,10 @@ class _View:
 class Stage:
     """Builds the scenes of one performer. The camera stays with them and comes round to their front, calmly."""
 
-    def __init__(self, skeleton: Skeleton, character: Character | None, colours: ArrayLike = CLAY) -> None:
-        self.skeleton, self.character = skeleton, character
-        self._colours = colours
+    def __init__(self, skeleton: Skeleton, cast: Cast | None) -> None:
+        self.skeleton, self.cast = skeleton, cast
+        character = self.character = cast.character if cast else None
+        self._colours = cast.colours if cast else CLAY
         self._triangles = character.mesh.triangulated if character else np.empty((0, 3), np.int32)
         self._edges = _lattice_edges(character.lattice.cells) if character else np.empty((0, 2), np.int32)
         self._view: _View | None = None
@@ -88,7 +89,8 @@ class Stage:
         self._view = None
 
     def _skin(self, skin: DeformedMesh, sigma: NDArray[np.float64] | None) -> Surface:
-        colours = self._colours if sigma is None else self._doubt(sigma)
+        tinted = sigma is not None and self.cast is not None and self.cast.retargeter is None
+        colours = self._doubt(sigma) if tinted else self._colours  # type: ignore[arg-type]
         return Surface(skin.vertices, self._triangles, skin.normals, colours)
 
     def _doubt(self, sigma: NDArray[np.float64]) -> NDArray[np.float64]:

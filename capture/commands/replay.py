@@ -17,12 +17,15 @@ def replay(
     height_m: Height = None,
 ) -> None:
     """Play a take: space pauses, arrows seek, comma and full stop step, brackets change the speed, H shows all keys."""
+    from capture.characters import cast
     from capture.playing import PerformanceSource
-    from capture.scenario import performance_of, staged
+    from capture.progress import tell_all
+    from capture.scenario import performance_of
     from capture.viewer import has_display, show
 
     if not has_display():
         raise SixpointError("no display here to play in; `sixpoint demo --out DIR` and `sixpoint deform` make pictures")
     performance, reference = performance_of(take, database, height_m)
-    stage, deformer = staged(performance.motion.skeleton, character, resolution, reference)
-    show(PerformanceSource(performance, stage, deformer, title=take.name), title=f"sixpoint: {take.name}")
+    chosen = cast(character, performance.motion.skeleton, resolution, reference)
+    tell_all(chosen.notes)
+    show(PerformanceSource(performance, chosen, title=take.name), title=f"sixpoint: {take.name}")
