@@ -44,5 +44,5 @@ class LocalPcaPredictor:
         both = precision + self.SMOOTH**-2 * np.eye(dof)
         history = own_history(past)
         steady = 2 * history[:dof] - history[dof : 2 * dof]
-        centre: NDArray[np.float64] = np.linalg.solve(both, precision @ mean + self.SMOOTH**-2 * steady)
-        return Prediction(GaussianPrior(centre, both), near.rows, near.coverage)
+        centre = np.linalg.solve(both, precision @ mean + self.SMOOTH**-2 * steady)
+        return Prediction(GaussianPrior(np.asarray(centre, np.float64), both), near.rows, near.coverage)
