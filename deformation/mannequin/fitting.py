@@ -118,11 +118,14 @@ def relax(patches: Patchwork, field: Field, rounds: int, still: tuple[str, ...] 
     return Patchwork(patches.faces, vertices, patches.grids)
 
 
-def unfold(patches: Patchwork, field: Field, rounds: int = 12) -> Patchwork:
-    """Vertices at quads that look against the surface (in narrow webs, between fingers) smoothed until none does."""
+def unfold(patches: Patchwork, field: Field, parts: tuple[str, ...], rounds: int = 12) -> Patchwork:
+    """Vertices of `parts` at quads that look against the surface (in narrow webs) smoothed until none does."""
     vertices, quads = patches.vertices.copy(), patches.quads()
     mean = _neighbour_mean(quads, len(vertices))
-    _, normals = project(field, vertices)
+    quads = quads[patches.in_parts(parts)[quads].all(axis=1)]
+    normals = np.zeros_like(vertices)
+    near = np.unique(quads)
+    normals[near] = project(field, vertices[near])[1]
     for _ in range(rounds):
         folded = np.unique(quads[_against(vertices, quads, normals)])
         if not len(folded):

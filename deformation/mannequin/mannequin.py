@@ -29,6 +29,8 @@ _AROUND = {"column": 3, "depth": 2}
 _SCALE = {"low": 1.0, "medium": 1.33, "high": 2.0}
 _COARSE_STILL = ("finger", "foot")
 """Parts too slender for the coarse rounds: they would shrink into their roots."""
+_WEBBED = ("hand", "finger")
+"""Parts whose narrow webs the last rounds may fold."""
 
 
 def mannequin(
@@ -50,7 +52,7 @@ def mannequin(
     coarser, finest = _scales(resolution)
     for scale in coarser:
         shapes = relax(divide(faces, shapes, _counts(scale)), field, rounds=15, still=_COARSE_STILL).shapes()
-    patches = unfold(relax(divide(faces, shapes, _counts(finest)), field, rounds=6), field)
+    patches = unfold(relax(divide(faces, shapes, _counts(finest)), field, rounds=6), field, _WEBBED)
     return all_quads(patches.vertices, patches.quads()), frozen(transforms)
 
 
