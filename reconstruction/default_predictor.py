@@ -24,10 +24,10 @@ class NeighbourSettings:
     sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
     """
 
-    count: int = 64
-    candidates: int = 256
+    count: int = 96
+    candidates: int = 384
     apart: int = 2
-    sharpness: float = 4.0
+    sharpness: float = 6.0
     trusted_until: float = 2.0
 
 

@@ -4,6 +4,7 @@ A hierarchical navigable small world graph (Malkov and Yashunin 2018) stands in 
 Hodgins (2005) that the paper searches: the same walk from near pose to nearer pose, with long links added.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,8 @@ class NeighbourIndex:
 
     @classmethod
     def empty(cls, dimensions: int) -> "NeighbourIndex":
-        """An index to be filled with `add`."""
+        """An index to be filled with `add`, by all processors."""
+        faiss.omp_set_num_threads(os.cpu_count() or 1)
         index = faiss.IndexHNSWFlat(dimensions, LINKS)
         index.hnsw.efConstruction = BUILD_BREADTH
         return cls(index)
