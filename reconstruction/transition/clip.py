@@ -19,7 +19,7 @@ from reconstruction.transition.classification import DEFAULT_THRESHOLDS, ClassTh
 DERIVATIVE_WINDOW_S = 1 / 30
 """Speeds are taken over so long before and after a frame, or one frame: captured frames are noisy."""
 FOOT_STILL_M_S = 0.30
-"""An ankle slower than this over the ground ..."""
+"""An ankle slower than this ..."""
 FOOT_LOW_M = 0.05
 """... and no higher than this above where it stands is planted."""
 
@@ -240,10 +240,10 @@ def _clearance(joints: NDArray[np.float64], legs: tuple[Leg, ...]) -> tuple[NDAr
 
 
 def planted_feet(feet: NDArray[np.float64], fps: float) -> NDArray[np.bool_]:
-    """(T, F) True where an ankle (T, F, 3) is low and hardly moves over the ground."""
+    """(T, F) True where an ankle (T, F, 3) is low and hardly moves."""
     if len(feet) < 2 or not feet.shape[1]:
         return np.ones(feet.shape[:2], bool)
-    speed = np.linalg.norm(np.gradient(feet[..., [0, 2]], 1 / fps, axis=0), axis=-1)
+    speed = np.linalg.norm(np.gradient(feet, 1 / fps, axis=0), axis=-1)
     low = feet[..., 1] < np.percentile(feet[..., 1], 5, axis=0) + FOOT_LOW_M
     return low & (speed < FOOT_STILL_M_S)
 

@@ -10,6 +10,7 @@ from reconstruction.rotations import inverse, logarithm, multiply
 from reconstruction.transition.clip import TransitionClip
 from reconstruction.transition.curves import body_to_vector_rate
 from reconstruction.transition.rebasing import Placement, heading_at
+from reconstruction.transition.root_path import GRAVITY
 
 FASTEST_RAD_S = 12.0
 HARDEST_RAD_S2 = 60.0
@@ -86,6 +87,14 @@ class Crossing:
     def stands_in(self) -> NDArray[np.bool_]:
         """(F,) whether each foot is planted when entered."""
         return self.b.planted[self.into]
+
+    @cached_property
+    def flight_s(self) -> float:
+        """Seconds of free fall until the root is as high as when entered; 0 where a foot stands."""
+        if self.stands_out.any() or not len(self.stands_out):
+            return 0.0
+        rise, drop = self.root_keys[1, 1], self.root_keys[0, 1] - self.root_keys[3, 1]
+        return float(rise + np.sqrt(max(rise**2 + 2 * GRAVITY * drop, 0.0))) / GRAVITY
 
     @cached_property
     def gaps(self) -> NDArray[np.float64]:

@@ -50,11 +50,16 @@ def least_time(out: NDArray[np.bool_], into: NDArray[np.bool_], gaps: NDArray[np
 
 
 def planned_steps(
-    out: NDArray[np.bool_], into: NDArray[np.bool_], gaps: NDArray[np.float64], duration: float
+    out: NDArray[np.bool_],
+    into: NDArray[np.bool_],
+    gaps: NDArray[np.float64],
+    duration: float,
+    flight_s: float = 0.0,
 ) -> list[Step]:
     """When each foot is under way, so that one foot stands while the other swings wherever a foot stands at all.
 
-    Feet in the air land first; then planted feet that have to move; feet that the next clip has in the air lift last.
+    Feet in the air land first, no sooner than a body in flight comes down (`flight_s`); then planted feet that have to
+    move; feet that the next clip has in the air lift last.
     """
     gap = gaps.tolist()
     lands = sorted((f for f in range(len(out)) if not out[f] and into[f]), key=gap.__getitem__)
@@ -64,6 +69,7 @@ def planned_steps(
     steps = [Step(0.0, duration, 0.0) for _ in out]
     for k, f in enumerate(phases):
         start, stop = duration * k / len(phases), duration * (k + 1) / len(phases)
+        stop = min(max(stop, flight_s), duration)
         height = _lift(gap[f]) if out[f] else ALOFT_SHARE * _lift(gap[f])
         steps[f] = Step(start if out[f] else 0.0, stop if into[f] else duration, height)
     return steps

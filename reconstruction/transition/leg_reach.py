@@ -9,8 +9,10 @@ from reconstruction.rotations import inverse, multiply, rotate
 from reconstruction.skeleton import Skeleton
 from reconstruction.transition.clip import Leg
 
-SOFT_FROM = (0.98, 0.995)
+SOFT_FROM = (0.97, 0.98)
 """From a share of its length between these on a leg stretches ever less: the knee does not snap straight."""
+_UNTOUCHED_M = 0.01
+"""A leg that is within about so much of where it should reach is left as straight as it is."""
 _HINGE_SHARE = 0.1
 """How much the leg's usual bending axis counts beside the present one, which a straight leg does not have."""
 
@@ -43,7 +45,8 @@ def reach_legs(
         wanted = np.linalg.norm(ankles[:, f] - hip, axis=-1)
         length = thigh + shin
         soft = float(soft_from[f])
-        to = _soft(wanted, length, soft) + seam * (now - _soft(now, length, soft))
+        kept = np.maximum(seam, np.exp(-(((wanted - now) / _UNTOUCHED_M) ** 2)))
+        to = _soft(wanted, length, soft) + kept * (now - _soft(now, length, soft))
         to = np.maximum(to, abs(thigh - shin) + 0.02 * length)
         world = _world(skeleton, result, leg.hip)
         parent = multiply(world, inverse(result[:, leg.hip]))
@@ -191,7 +194,8 @@ def reach_legs_kernel(
                 ankles[n, f, 2] - position[2],
             )
             soft = soft_from[f]
-            to = _stretch(_size(aim), length, soft) + seam[n] * (now - _stretch(now, length, soft))
+            kept = max(seam[n], np.exp(-(((_size(aim) - now) / _UNTOUCHED_M) ** 2)))
+            to = _stretch(_size(aim), length, soft) + kept * (now - _stretch(now, length, soft))
             to = max(to, abs(thigh - shin) + 0.02 * length)
             axis, hinge = _cross(thigh_v, shin_v), _turn(world, _row3(hinges, f))
             side = -1.0 if axis[0] * hinge[0] + axis[1] * hinge[1] + axis[2] * hinge[2] < 0 else 1.0

@@ -91,7 +91,7 @@ def _drafted(a: TransitionClip, at: int, b: TransitionClip, into: int, heading: 
     """The transition that takes `time` seconds, or what its steps need at the least."""
     crossing = Crossing(a, at, b, into, _placement(a, at, b, into, heading, time))
     if a.legs:
-        time = max(time, least_time(crossing.stands_out, crossing.stands_in, crossing.gaps))
+        time = max(time, least_time(crossing.stands_out, crossing.stands_in, crossing.gaps), crossing.flight_s)
     count = frame_count(time, a.fps)
     time = (count + 1) / a.fps
     t = np.arange(1, count + 1) / a.fps
@@ -136,7 +136,7 @@ def _on_its_feet(
 ) -> NDArray[np.float64]:
     """Root positions (N, 3) in balance; the legs of `rotations` are changed in place to where the feet should be."""
     a, b = crossing.a, crossing.b
-    steps = planned_steps(crossing.stands_out, crossing.stands_in, crossing.gaps, time)
+    steps = planned_steps(crossing.stands_out, crossing.stands_in, crossing.gaps, time, crossing.flight_s)
     ankles = kept_apart(ankle_paths(crossing, steps, t, time), steps, crossing.left, t)
     feet = foot_turns(crossing, steps, t, time)
     settle = min(SETTLE_S, time / 2)
