@@ -42,8 +42,8 @@ class SecondarySettings:
     """
 
     delta: float = 0.6
-    frequency_hz: float = 3.5
-    damping_ratio: float = 0.25
+    frequency_hz: float = 4.5
+    damping_ratio: float = 0.3
     gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -105,13 +105,12 @@ class SecondaryMotion:
         while self._ahead_s >= _STEP_S * (1 - 1e-9):
             done += 1
             self._ahead_s = max(self._ahead_s - _STEP_S, 0.0)
-            way = (done * _STEP_S - behind) / dt_s
-            _between(self._skin, skin, way, self._target, self._velocity)
-            self._step(settings)
+            goals = self._matcher.goals(self._x, self._target)
+            _between(self._skin, skin, (done * _STEP_S - behind) / dt_s, self._target, self._velocity)
+            self._step(goals, settings)
         self._skin[:] = skin
 
-    def _step(self, settings: SecondarySettings) -> None:
-        goals = self._matcher.goals(self._x, self._target)
+    def _step(self, goals: NDArray[np.float64], settings: SecondarySettings) -> None:
         self._offsets[0] = self._offsets[1]
         _swing(
             self._x,
@@ -134,7 +133,8 @@ def swing_reference(x, v, skin, skin_velocity, goals, softness, settings: Second
     delta = settings.delta * softness[:, None]
     omega = 2 * np.pi * settings.frequency_hz
     tie, match = _stiffness(delta, omega)
-    pull = tie * (skin - x) + match * (goals - x) + np.asarray(settings.gravity_m_s2)
+    before = skin - _STEP_S * skin_velocity
+    pull = tie * (before - x) + match * (goals - x) + np.asarray(settings.gravity_m_s2)
     drag = 2 * settings.damping_ratio * omega * _STEP_S
     v = (v + _STEP_S * pull + drag * skin_velocity) / (1 + drag)
     x = x + _STEP_S * v
@@ -157,6 +157,8 @@ def _stiffness(delta, omega):
 def _swing(x, v, skin, skin_velocity, goals, softness, delta, omega, damping, gravity, farthest, offsets):
     """Eq. 12 and 13 with the goal (1 - delta) s + delta g and damping towards the skin's velocity, in place.
 
+    skin: (P, 3) metres at the end of the step, skin_velocity: (P, 3) metres a second through it. The pulls are those at
+    its beginning, where x and the goals are: a skin that moves evenly takes the flesh along without a lag.
     Particles of no softness stay on the skin: those within a bone.
     """
     drag = 2.0 * damping * omega * _STEP_S
@@ -168,7 +170,8 @@ def _swing(x, v, skin, skin_velocity, goals, softness, delta, omega, damping, gr
         tie, match = _stiffness(delta * softness[p], omega)
         length = 0.0
         for i in range(3):
-            pull = tie * (skin[p, i] - x[p, i]) + match * (goals[p, i] - x[p, i]) + gravity[i]
+            before = skin[p, i] - _STEP_S * skin_velocity[p, i]
+            pull = tie * (before - x[p, i]) + match * (goals[p, i] - x[p, i]) + gravity[i]
             v[p, i] = (v[p, i] + _STEP_S * pull + drag * skin_velocity[p, i]) / (1.0 + drag)
             x[p, i] += _STEP_S * v[p, i]
             offsets[p, i] = x[p, i] - skin[p, i]
