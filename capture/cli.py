@@ -8,7 +8,8 @@ from collections.abc import Callable
 import typer
 from typer.exceptions import Abort, TyperException
 
-from capture.commands import config, database, transition
+from capture.commands import bench, bench_reconstruct, config, database, evaluate, transition
+from capture.commands.calibrate import calibrate
 from capture.commands.deform import deform
 from capture.commands.demo import demo
 from capture.commands.devices import align, devices, doctor, simulate
@@ -34,12 +35,21 @@ def _group(name: str, meaning: str, commands: list[tuple[str, Callable[..., None
     app.add_typer(group, name=name)
 
 
-_COMMANDS = (demo, replay, live, record, reconstruct, deform, transition.transition, stream)
+_COMMANDS = (demo, replay, live, record, calibrate, reconstruct, deform, transition.transition, stream)
 _DEVICE_COMMANDS = (devices, doctor, align, simulate)
 for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)
 _group("database", "Motion databases: what the solver knows.", [("build", database.build), ("info", database.info)])
-_group("evaluate", "The papers' experiments on given data.", [("transitions", transition.evaluate_transitions)])
+_group(
+    "evaluate",
+    "The papers' experiments on given data.",
+    [("tables", evaluate.tables), ("transitions", transition.evaluate_transitions)],
+)
+_group(
+    "bench",
+    "The speeds, measured here and now.",
+    [("reconstruct", bench_reconstruct.reconstruct), ("deform", bench.deform), ("live", bench.live)],
+)
 _group("config", "The session's settings.", [("init", config.init), ("check", config.check)])
 
 

@@ -22,8 +22,8 @@ class PerformerConfig(_Section):
 
     height_m: Annotated[float, Field(ge=0.8, le=2.5)] = 1.75
     """Stature in metres, barefoot; the database's skeleton is scaled to it."""
-    tracker_offsets_m: dict[Role, tuple[float, float, float]] = {}
-    """Where a tracker sits from its joint, in the joint's frame, metres."""
+    profile: str = ""
+    """A file that `sixpoint calibrate` wrote: body size and how the trackers sit; then the height is not used."""
 
 
 class DatabaseConfig(_Section):
@@ -65,10 +65,23 @@ class DeviceConfig(_Section):
     """Bits a second; empty for what the protocol prefers."""
     trackers: dict[str, Role] = {}
     """The device's own tracker number or name to a role; empty where the device says it itself."""
+    options: dict[str, bool | int | float | str] = {}
+    """The protocol's own options, such as `{ full_scale_in = 144 }`; docs/devices has them."""
+    smooth: bool | None = None
+    """Whether noise is smoothed (One-Euro); empty for what the device needs."""
     room_translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the device's origin lies in the room, metres."""
     room_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     """How far the device's axes are turned about the vertical, degrees."""
+    room_tilt_deg: tuple[float, float] = (0.0, 0.0)
+    """How far they are pitched and rolled after that, degrees; `sixpoint align` finds all three."""
+
+
+class OutputConfig(_Section):
+    """Where poses go while they are made."""
+
+    streams: tuple[str, ...] = ()
+    """Addresses such as `vmc://127.0.0.1:39539`, `vrchat://127.0.0.1:9000`, `json://127.0.0.1:6060`."""
 
 
 class RecordConfig(_Section):
@@ -86,6 +99,7 @@ class SessionConfig(_Section):
     solver: SolverConfig = SolverConfig()
     character: CharacterConfig = CharacterConfig()
     record: RecordConfig = RecordConfig()
+    output: OutputConfig = OutputConfig()
     device: tuple[DeviceConfig, ...] = ()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from capture.config import SessionConfig
 from capture.latency import LatencyRecorder, latency_table
-from capture.live import OpenDevice, make_pipeline, make_session, open_devices, start_recording
+from capture.live import OpenDevice, make_pipeline, make_session, open_devices, open_streams, start_recording
 from capture.progress import progress_bar
 from capture.session import Session
 from devices.errors import FileError
@@ -30,25 +30,41 @@ def go_live(config: SessionConfig, take: Path | None, seconds: float | None, win
     shown = window and has_display()
     if window and not shown:
         tell("no display here: solving without a window")
+    session = solve_live(config, take, seconds, shown)
+    _report(session.latencies, {"poses": session.solved, "skipped": session.skipped, "take": _name(take)}, as_json)
+
+
+def solve_live(config: SessionConfig, take: Path | None, seconds: float | None, shown: bool) -> Session:
+    """Runs a session to its end, recorded where a take is named; gives it back for its figures."""
     _check_take(take)
     with progress_bar("opening the database") as progress:
         pipeline = make_pipeline(config, skinned=True, progress=progress)
     with progress_bar("loading kernels"):
         pipeline.warm_up()
-    with _open(config) as devices, _recording(take, config, devices) as recorder:
-        session = make_session(config, devices, pipeline, recorder)
+    with (
+        open_streams(config, pipeline) as watchers,
+        _open(config) as devices,
+        _recording(take, config, devices) as recorder,
+    ):
+        session = make_session(config, devices, pipeline, recorder, watchers)
         _run(session, seconds, shown)
-    _report(session.latencies, {"poses": session.solved, "skipped": session.skipped, "take": _name(take)}, as_json)
+    return session
 
 
 def keep(config: SessionConfig, take: Path | None, seconds: float | None, as_json: bool) -> None:
     """Records without solving; Ctrl-C or `seconds` end it."""
     take = take or _dated_take(Path(config.record.folder))
+    session = keep_quietly(config, take, seconds)
+    _report(session.latencies, {"samples": session.samples, "take": _name(take)}, as_json)
+
+
+def keep_quietly(config: SessionConfig, take: Path, seconds: float | None) -> Session:
+    """Records, and gives the session back for its figures."""
     _check_take(take)
     with _open(config) as devices, _recording(take, config, devices) as recorder:
         session = make_session(config, devices, None, recorder)
         _run(session, seconds, shown=False)
-    _report(session.latencies, {"samples": session.samples, "take": _name(take)}, as_json)
+    return session
 
 
 def _run(session: Session, seconds: float | None, shown: bool) -> None:

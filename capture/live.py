@@ -1,9 +1,11 @@
 """Putting a live session together from its configuration: devices opened, database, body, character, recorder."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from scipy.spatial.transform import Rotation
 
 from capture.characters import average_pose, cast
 from capture.clock import SessionClock
@@ -11,15 +13,17 @@ from capture.config import DeviceConfig, SessionConfig, commented_config
 from capture.library import open_named_database
 from capture.pipeline import Pipeline, Shot
 from capture.session import Session, SessionDevice
-from capture.solving import performer_skeleton
+from capture.solving import performer
+from capture.streaming import open_stream
 from devices.assembler import FrameAssembler
 from devices.errors import DeviceError
-from devices.intake import IDENTITY_ASSIGNMENT, DeviceIntake
+from devices.filters import OneEuroSettings
+from devices.intake import IDENTITY_ASSIGNMENT
 from devices.progress import Progress, no_progress
 from devices.reconnecting import ReconnectingDevice
-from devices.registry import make_device
+from devices.registry import default_smoothing, make_device
 from devices.room import RoomTransform
-from reconstruction.solver import Reconstructor
+from reconstruction.solver import Reconstructor, SolverSettings
 from replay_logs.recorder import TakeRecorder
 from replay_logs.take import RecordedDevice
 
@@ -35,7 +39,7 @@ class OpenDevice:
 
     def session_device(self) -> SessionDevice:
         """As the session loop takes it."""
-        return SessionDevice(self.driver, DeviceIntake(self.recorded.assignment, self.recorded.room))
+        return SessionDevice(self.driver, self.recorded.intake())
 
 
 def open_devices(configs: Sequence[DeviceConfig], tell: Tell) -> list[OpenDevice]:
@@ -51,7 +55,7 @@ def open_devices(configs: Sequence[DeviceConfig], tell: Tell) -> list[OpenDevice
 
 
 def _open_device(config: DeviceConfig, tell: Tell) -> OpenDevice:
-    linked = make_device(config.protocol, config.port, name=config.name, baud=config.baud)
+    linked = make_device(config.protocol, config.port, name=config.name, baud=config.baud, options=config.options)
     driver = ReconnectingDevice(linked, tell)
     driver.open()
     assignment = dict(config.trackers) or {**IDENTITY_ASSIGNMENT, **linked.role_hints}
@@ -60,8 +64,13 @@ def _open_device(config: DeviceConfig, tell: Tell) -> OpenDevice:
             f"{config.name}: the device does not say which tracker is on which limb, and neither does [device.trackers]"
             " in session.toml; `sixpoint doctor --assign` finds out"
         )
-    room = RoomTransform.turned(config.room_yaw_deg, config.room_translation_m)
-    return OpenDevice(driver, RecordedDevice(config.name, config.protocol, {}, assignment, room))
+    turns = (config.room_yaw_deg, *config.room_tilt_deg)
+    rotation = Rotation.from_euler("YXZ", turns, degrees=True).as_quat().tolist()
+    room = RoomTransform(tuple(rotation), config.room_translation_m)
+    spoken = linked.protocol
+    smoothing = default_smoothing(spoken) if config.smooth is None else OneEuroSettings() if config.smooth else None
+    recorded = RecordedDevice(config.name, config.protocol, spoken.options(), assignment, room, smoothing=smoothing)
+    return OpenDevice(driver, recorded)
 
 
 def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDevice]) -> TakeRecorder:
@@ -75,12 +84,26 @@ def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDev
 def make_pipeline(config: SessionConfig, skinned: bool, progress: Progress = no_progress) -> Pipeline:
     """The solver on the configured database and body, and the character on it where it is to be shown."""
     database = open_named_database(config.database.path, progress)
-    skeleton = performer_skeleton(database, config.performer.height_m)
-    reconstructor = Reconstructor(database, skeleton)
+    who = performer(database, config.performer.height_m, Path(p) if (p := config.performer.profile) else None)
+    settings = SolverSettings(method=config.solver.method)
+    reconstructor = Reconstructor(database, who.skeleton, settings, mounting=who.mounting)
     if not skinned:
         return Pipeline(reconstructor)
     look = config.character
-    return Pipeline(reconstructor, cast(look.mesh, skeleton, look.resolution, average_pose(database, skeleton)))
+    return Pipeline(reconstructor, cast(look.mesh, who.skeleton, look.resolution, average_pose(database, who.skeleton)))
+
+
+@contextmanager
+def open_streams(config: SessionConfig, pipeline: Pipeline) -> Iterator[list[Callable[[Shot], None]]]:
+    """What sends each shot to the configured addresses, closed at the end. Raises SettingError for a wrong address."""
+    reconstructor = pipeline.reconstructor
+    reference = average_pose(reconstructor.database, reconstructor.skeleton)
+    with ExitStack() as stack:
+        streams = [
+            stack.enter_context(closing(open_stream(address, reconstructor.skeleton, reference)))
+            for address in config.output.streams
+        ]
+        yield [lambda shot, to=to: to.send(shot.frame.time_s, shot.joints) for to in streams]
 
 
 def make_session(

@@ -13,7 +13,9 @@ from reconstruction.motion_files import read_motion
 TAKES = (".mcap", ".csv")
 
 
-def performance_of(path: Path, database: str, height_m: float | None = None) -> tuple[Performance, Pose]:
+def performance_of(
+    path: Path, database: str, height_m: float | None = None, profile: Path | None = None
+) -> tuple[Performance, Pose]:
     """A take solved, or a motion read, and a pose of it that stands."""
     if path.suffix.lower() not in TAKES:
         motion = read_motion(path)
@@ -21,7 +23,7 @@ def performance_of(path: Path, database: str, height_m: float | None = None) -> 
     with progress_bar("opening the database") as progress:
         known = open_named_database(database, progress)
     with progress_bar("solving") as progress:
-        solved = solve_take(path, known, height_m=height_m, progress=progress)
+        solved = solve_take(path, known, height_m=height_m, profile=profile, progress=progress)
     return performance(solved), average_pose(known, solved.motion.skeleton)
 
 

@@ -11,8 +11,10 @@ from devices.errors import FileError, SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
+from reconstruction.calibration import Profile
 from reconstruction.database import MotionDatabase
 from reconstruction.motion import Motion
+from reconstruction.mounting import Mounting
 from reconstruction.skeleton import Skeleton
 from reconstruction.solver import Reconstruction, SolverSettings, reconstruct
 from reconstruction.stature import scaled_to_stature
@@ -47,26 +49,39 @@ def solve_take(
     method: str = "default",
     height_m: float | None = None,
     trackers: str | None = None,
+    profile: Path | None = None,
     progress: Progress = no_progress,
 ) -> SolvedTake:
     """Every frame of a `.mcap` take or a `.csv` of tracks, solved on a body of that stature (the database's if None).
 
-    trackers: the roles to use, with commas between; all where None. Raises FileError and SettingError.
+    method: `default` or `paper`. trackers: the roles to use, with commas between; all where None. profile: a file that
+    `sixpoint calibrate` wrote, in place of the stature. Raises FileError and SettingError.
     """
     frames = load_frames(take, database.fps, warn=lambda message: print(f"sixpoint: {message}", file=sys.stderr))
     if trackers is not None:
         frames = only_roles(frames, trackers)
     if not any(frame.measured.any() for frame in frames):
         raise FileError(f"{take}: no tracker with a role in it has a position")
-    settings = SolverSettings()
-    skeleton = performer_skeleton(database, height_m)
-    return SolvedTake(frames, reconstruct(frames, database, skeleton, settings, progress))
+    body = performer(database, height_m, profile)
+    settings = SolverSettings(method=method)
+    return SolvedTake(frames, reconstruct(frames, database, body.skeleton, settings, progress, mounting=body.mounting))
 
 
-def performer_skeleton(database: MotionDatabase, height_m: float | None) -> Skeleton:
-    """The database's skeleton, scaled to a stature in metres where one is given."""
-    skeleton = database.space.skeleton
-    return skeleton if height_m is None else scaled_to_stature(skeleton, height_m)
+@dataclass(frozen=True, eq=False)
+class Performer:
+    """Who is captured: the body, and how the trackers sit on it (in the joints where None)."""
+
+    skeleton: Skeleton
+    mounting: Mounting | None = None
+
+
+def performer(database: MotionDatabase, height_m: float | None = None, profile: Path | None = None) -> Performer:
+    """The performer of a calibration profile, or the database's body, scaled to a stature where one is given."""
+    body = database.space.skeleton
+    if profile is not None:
+        known = Profile.read(profile)
+        return Performer(known.skeleton(body), known.mounting)
+    return Performer(body if height_m is None else scaled_to_stature(body, height_m))
 
 
 def only_roles(frames: list[TrackerFrame], trackers: str) -> list[TrackerFrame]:

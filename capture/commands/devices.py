@@ -175,9 +175,8 @@ def align(
     x, y, z = found.room.translation
     print(f"room_translation_m = [{x:.3f}, {y:.3f}, {z:.3f}]")
     print(f"room_yaw_deg = {yaw:.1f}")
-    print(
-        f"# tilt {pitch:.1f} and {roll:.1f} degrees; the trackers keep {1000 * found.residual_m:.0f} mm from each other"
-    )
+    print(f"room_tilt_deg = [{pitch:.1f}, {roll:.1f}]")
+    print(f"# the trackers then keep {1000 * found.residual_m:.0f} mm from each other")
 
 
 def simulate(

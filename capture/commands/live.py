@@ -1,11 +1,14 @@
 """`sixpoint live` and `sixpoint record`: a session with devices."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from capture.commands.options import AsJson
+
+if TYPE_CHECKING:
+    from capture.config import SessionConfig
 
 Config = Annotated[Path | None, typer.Argument(help="session.toml; without it every setting is its default.")]
 Device = Annotated[str | None, typer.Option(help="The protocol of the one device, instead of the configured ones.")]
@@ -25,7 +28,7 @@ def live(
     """Solve what the trackers send, show it, and keep it if asked."""
     from capture.going_live import go_live
 
-    go_live(_configured(session, device, port), take, seconds, window, as_json)
+    go_live(configured(session, device, port), take, seconds, window, as_json)
 
 
 def record(
@@ -39,10 +42,11 @@ def record(
     """Keep everything that the trackers send in a take, without solving it."""
     from capture.going_live import keep
 
-    keep(_configured(session, device, port), out, seconds, as_json)
+    keep(configured(session, device, port), out, seconds, as_json)
 
 
-def _configured(session: Path | None, device: str | None, port: str | None):
+def configured(session: Path | None, device: str | None, port: str | None) -> "SessionConfig":
+    """The session's configuration, with the one device that the command line names."""
     from capture.config import DeviceConfig, SessionConfig, read_config
 
     config = read_config(session) if session else SessionConfig()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from capture.commands.options import AsJson, Database, Height, Take
+from capture.commands.options import AsJson, Database, Height, ProfileFile, Take
 from devices.errors import FileError
 
 
@@ -19,6 +19,7 @@ def reconstruct(
         str, typer.Option(help="`default`, or `paper`: the reconstruction paper to the letter.")
     ] = "default",
     height_m: Height = None,
+    profile: ProfileFile = None,
     trackers: Annotated[str | None, typer.Option(help="Use only these roles, with commas between.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -35,7 +36,7 @@ def reconstruct(
         known = open_named_database(database, progress)
     begin = time.perf_counter()
     with progress_bar("solving") as progress:
-        solved = solve_take(take, known, method, height_m, trackers, progress)
+        solved = solve_take(take, known, method, height_m, trackers, profile, progress)
     seconds = time.perf_counter() - begin
     write_motion(solved.motion, out)
     figures = solved.figures() | {"seconds": round(seconds, 3), "out": str(out)}

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from capture.commands.options import CharacterName, Database, Height, Resolution
+from capture.commands.options import CharacterName, Database, Height, ProfileFile, Resolution
 from devices.errors import SixpointError
 
 
@@ -15,6 +15,7 @@ def replay(
     character: CharacterName = "mannequin",
     resolution: Resolution = "medium",
     height_m: Height = None,
+    profile: ProfileFile = None,
 ) -> None:
     """Play a take: space pauses, arrows seek, comma and full stop step, brackets change the speed, H shows all keys."""
     from capture.characters import cast
@@ -25,7 +26,7 @@ def replay(
 
     if not has_display():
         raise SixpointError("no display here to play in; `sixpoint demo --out DIR` and `sixpoint deform` make pictures")
-    performance, reference = performance_of(take, database, height_m)
+    performance, reference = performance_of(take, database, height_m, profile)
     chosen = cast(character, performance.motion.skeleton, resolution, reference)
     tell_all(chosen.notes)
     show(PerformanceSource(performance, chosen, title=take.name), title=f"sixpoint: {take.name}")

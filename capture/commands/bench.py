@@ -1,0 +1,36 @@
+"""`sixpoint bench`: the speeds, measured here and now."""
+
+import json
+from typing import Annotated
+
+import typer
+
+from capture.commands.options import AsJson, Database
+
+
+def deform(
+    frames: Annotated[int, typer.Option(min=50, help="Frames to time at each size.")] = 600,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the deformation at the lattice paper's four sizes, stage by stage, beside its Table I."""
+    from rich.console import Console
+
+    from capture.deform_benchmark import benchmark, table
+
+    rows = benchmark(frames=frames)
+    if as_json:
+        print(json.dumps(rows))
+    else:
+        Console(width=150).print(table(rows))
+
+
+def live(
+    seconds: Annotated[float, typer.Option(min=2, help="How long to run.")] = 60.0,
+    database: Database = "library",
+    resolution: Annotated[str, typer.Option(help="The mannequin's: low, medium or high.")] = "high",
+    as_json: AsJson = False,
+) -> None:
+    """Run a whole session against a simulated device on a real pseudo-terminal, recording and streaming."""
+    from capture.live_benchmark import bench_live
+
+    bench_live(seconds, database, resolution, as_json)
