@@ -1,9 +1,9 @@
 """The mannequin's shape: anatomical masses around the joints, after published circumferences and breadths.
 
 Lengths in the tables are shares of stature. Heights follow Drillis and Contini (1966). Girths are set by eye near those
-of adults in ANSUR II (Gordon et al. 2014, "2012 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-15/007), on the
-lean side at the waist; measured on the finished standard body they are: chest 0.60, waist 0.44, hips 0.60, knee 0.22,
-calf 0.22, ankle 0.13, upper arm 0.19, forearm 0.16, wrist 0.10 of stature.
+of adults in ANSUR II (Gordon et al. 2014, "2012 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-15/007), on
+the lean side at the waist; measured on the finished standard body they are: chest 0.60, waist 0.44, hips 0.60, knee
+0.22, calf 0.22, ankle 0.13, upper arm 0.19, forearm 0.16, wrist 0.10 of stature.
 """
 
 from collections.abc import Sequence
