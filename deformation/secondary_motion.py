@@ -64,7 +64,7 @@ class SecondaryMotion:
         self._x, self._v = np.empty((size, 3)), np.empty((size, 3))
         self._skin, self._target, self._velocity = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3))
         self._offsets = np.zeros((2, size, 3))
-        self._started = False
+        self._started, self._resting = False, True
         self._ahead_s = 0.0
 
     def reset(self) -> None:
@@ -96,10 +96,16 @@ class SecondaryMotion:
         self._x[:], self._skin[:], self._target[:] = skin, skin, skin
         self._v[:], self._offsets[:] = 0, 0
         self._ahead_s = 0.0
-        self._started = bool(np.isfinite(skin).all())
+        self._started, self._resting = bool(np.isfinite(skin).all()), True
 
     def _advance(self, skin: NDArray[np.float64], dt_s: float, settings: SecondarySettings) -> None:
-        """Takes the steps that fit between the last frame and this one, along the straight way of the skin."""
+        """Takes the steps that fit between the last frame and this one, along the straight way of the skin.
+
+        Flesh that was put in place a frame ago starts with the skin's velocity: a runner is not hit by the first frame.
+        """
+        if self._resting:
+            self._v += (skin - self._skin) / dt_s
+            self._resting = False
         behind, self._ahead_s = self._ahead_s, self._ahead_s + dt_s
         done = 0
         while self._ahead_s >= _STEP_S * (1 - 1e-9):
