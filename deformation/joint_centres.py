@@ -13,6 +13,9 @@ from reconstruction.skeleton import Skeleton
 _HALF_SLICE = 1.5
 """Half the thickness of a slice through a limb, in voxels."""
 
+_REACH = 0.5
+"""How far around a joint its slice goes, in lengths of its shorter bone: a shoulder's ends before the chest."""
+
 
 def centred_joints(
     skeleton: Skeleton, positions: NDArray[np.float64], voxels: Voxels
@@ -27,18 +30,23 @@ def centred_joints(
         parent = skeleton.parents[joint]
         if parent < 0 or len(children) != 1:
             continue
-        along = positions[children[0]] - positions[parent]
+        bones = positions[joint] - positions[parent], positions[children[0]] - positions[joint]
+        reach = _REACH * min(float(np.linalg.norm(bone)) for bone in bones)
+        along = bones[0] + bones[1]
         length = float(np.linalg.norm(along))
-        if length > 1e-6:
-            moved[joint] = _middle_of_slice(voxels, positions[joint], along / length)
+        if reach > voxels.size and length > voxels.size:
+            moved[joint] = _middle_of_slice(voxels, positions[joint], along / length, reach)
     offsets = moved - np.where(skeleton.parents[:, None] >= 0, moved[skeleton.parents], 0)
     return replace(skeleton, offsets=offsets), moved
 
 
-def _middle_of_slice(voxels: Voxels, place: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+def _middle_of_slice(
+    voxels: Voxels, place: NDArray[np.float64], along: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
     """The centre of the piece of body nearest to a place (3,) metres, in the slice through it; the place if none is."""
     away = voxels.origin + (voxels.solid + 0.5) * voxels.size - place
-    within = np.flatnonzero(np.abs(away @ along) <= _HALF_SLICE * voxels.size)
+    near = (away**2).sum(axis=1) <= reach**2
+    within = np.flatnonzero(near & (np.abs(away @ along) <= _HALF_SLICE * voxels.size))
     if not len(within):
         return place
     row = np.full(len(voxels.solid), -1)
