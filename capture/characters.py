@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from capture.scene import CLAY
 from deformation.character import Character, LatticeSettings, mannequin_character
 from deformation.character_files import Skin, bound_character, read_character
+from deformation.mannequin import mannequin_colours
 from deformation.retarget import Retargeter
 from devices.errors import choice_error
 from reconstruction.database import MotionDatabase
@@ -25,17 +26,14 @@ class Cast:
 
     retargeter: carries the performer's poses to the character's skeleton; None where they share one.
     skin: what the file says of its surface, or None. notes: what was mended in the file, one line each.
+    colours: (3,) or (V, 3) sRGB.
     """
 
     character: Character
     retargeter: Retargeter | None = None
     skin: Skin | None = None
     notes: tuple[str, ...] = ()
-
-    @property
-    def colours(self) -> ArrayLike:
-        """(3,) or (V, 3) sRGB."""
-        return CLAY if self.skin is None else self.skin.colours
+    colours: ArrayLike = CLAY
 
     def motion(self, motion: Motion) -> Motion:
         """The performer's motion on the character's skeleton."""
@@ -61,13 +59,14 @@ def cast(
     if resolution not in RESOLUTIONS:
         raise choice_error("mannequin resolution", resolution, RESOLUTIONS)
     if name == MANNEQUIN:
-        return Cast(mannequin_character(performer, resolution, reference, settings))
+        character = mannequin_character(performer, resolution, reference, settings)
+        return Cast(character, colours=mannequin_colours(character.mesh))
     if not Path(name).suffix:
         raise choice_error("character", name, (MANNEQUIN, "the path of a .glb, .vrm, .obj or .ply file"))
     file = read_character(name)
     character = bound_character(file, settings)
     retargeter = Retargeter(performer, character.skeleton, reference, target_bind=character.bind)
-    return Cast(character, retargeter, file.skin, file.notes)
+    return Cast(character, retargeter, file.skin, file.notes, file.skin.colours if file.skin else CLAY)
 
 
 def average_pose(database: MotionDatabase, skeleton: Skeleton) -> Pose:
