@@ -5,7 +5,7 @@ from pathlib import Path
 import platformdirs
 
 from devices.progress import Progress, no_progress
-from reconstruction.database import MotionDatabase, build_database, open_database
+from reconstruction.database import VERSION, MotionDatabase, build_database, open_database
 
 LIBRARY = "library"
 """The name that stands for our own motion library."""
@@ -20,7 +20,7 @@ def open_named_database(name: str | Path = LIBRARY, progress: Progress = no_prog
         return open_database(Path(name))
     from reconstruction.motion_library import LIBRARY_VERSION, generate_library
 
-    folder = platformdirs.user_cache_path("sixpoint", appauthor=False) / f"motion-library-{LIBRARY_VERSION}"
+    folder = platformdirs.user_cache_path("sixpoint", appauthor=False) / f"motion-library-{LIBRARY_VERSION}.{VERSION}"
     if not folder.exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
         return build_database(generate_library(progress=progress), folder, progress=progress)
