@@ -1,0 +1,145 @@
+"""A skeleton for a mesh that has none: curves, curve skeleton, then joints under names that all the system knows."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformation.auto_rig_extremities import Extremities, human_extremities, limb_tips, standing_tips
+from deformation.auto_rig_human import human_joints
+from deformation.auto_rig_quadruped import quadruped_extremities, quadruped_joints
+from deformation.character_files import Rig
+from deformation.curve_skeleton import CentreLine
+from deformation.curve_skeleton_limbs import LimbCurves, limb_curves
+from deformation.isocurves import IsoCurves, Tubes, iso_curves, tubes
+from deformation.isocurves_geodesic import SurfaceGraph, surface_graph
+from deformation.mesh import Mesh
+from deformation.rig_templates import HUMAN_TREE, QUADRUPED_TREE
+from devices.errors import SixpointError, choice_error
+from devices.frame import frozen
+from reconstruction.skeleton import Skeleton
+
+TEMPLATES = ("auto", "human", "quadruped")
+
+
+@dataclass(frozen=True, eq=False)
+class AutoRig:
+    """A found skeleton and what it was found from, all in the mesh's own place.
+
+    rig: accepted wherever a file's rig is; weights are left to the lattice's heat.
+    template: human or quadruped. lines: the curve skeleton, limb by limb, tips first.
+    curves, tubes: of the mesh's quads, or None for a mesh without. notes: the path taken, one line each.
+    """
+
+    rig: Rig
+    template: str
+    lines: dict[str, CentreLine]
+    curves: IsoCurves | None
+    tubes: Tubes | None
+    notes: tuple[str, ...]
+
+
+class RigNotFound(SixpointError):
+    """A mesh gives no skeleton. tips: (N, 3) metres, the ends of limbs that were found on it, to be shown."""
+
+    def __init__(self, message: str, tips: NDArray[np.float64]) -> None:
+        super().__init__(message)
+        self.tips = tips
+
+
+def rig_mesh(mesh: Mesh, template: str = "auto") -> AutoRig:
+    """Finds the skeleton of an upright (Y up) character, whichever way it faces.
+
+    template: `human`, `quadruped`, or `auto`: by the number of feet on the floor.
+    Raises SettingError for an unknown template, RigNotFound with the reason and what was found.
+    """
+    if template not in TEMPLATES:
+        raise choice_error("template", template, TEMPLATES)
+    curves = iso_curves(mesh) if len(mesh.quads) else None
+    chains = tubes(mesh, curves) if curves is not None else None
+    graph = surface_graph(mesh)
+    tips = limb_tips(graph)
+    if template == "auto":
+        template = "quadruped" if len(standing_tips(graph, tips)) >= 4 else "human"
+    finding = _Finding(limb_curves(graph, mesh.vertices, curves, chains))
+    try:
+        body, joints = _found(graph, tips, template, finding)
+    except SixpointError as error:
+        raise RigNotFound(str(error), graph.vertices[tips]) from None
+    joints = {name: place @ body.turn for name, place in joints.items()}
+    lines = {name: _turned(line, body.turn) for name, line in finding.lines.items()}
+    tree = HUMAN_TREE if template == "human" else QUADRUPED_TREE
+    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, finding.notes(curves, chains))
+
+
+def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str | None]]) -> Rig:
+    """The rig of joints at places (3,) metres; those of the tree that have no place are left out, with all below."""
+    present: list[str] = []
+    parents: list[int] = []
+    for name, parent in tree:
+        if name in joints and (parent is None or parent in present):
+            parents.append(-1 if parent is None else present.index(parent))
+            present.append(name)
+    positions = np.array([joints[name] for name in present])
+    above = np.array(parents, np.int32)
+    offsets = positions - np.where(above[:, None] >= 0, positions[above], 0.0)
+    bind = np.tile(np.eye(4), (len(present), 1, 1))
+    bind[:, :3, 3] = positions
+    skeleton = Skeleton(tuple(present), frozen(above), frozen(offsets))
+    return Rig(skeleton, tuple(present), frozen(bind), None)
+
+
+def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRig:
+    """The rig with some joints elsewhere: places (3,) metres by name, else SettingError is raised."""
+    skeleton = found.rig.skeleton
+    for name in moved:
+        if name not in skeleton.names:
+            raise choice_error("joint", name, skeleton.names)
+    places = dict(zip(skeleton.names, found.rig.bind[:, :3, 3], strict=True)) | moved
+    parents = [None if p < 0 else skeleton.names[p] for p in skeleton.parents]
+    tree = tuple(zip(skeleton.names, parents, strict=True))
+    note = f"moved by hand: {', '.join(moved)}"
+    return replace(found, rig=rig_of(places, tree), notes=(*found.notes, note) if moved else found.notes)
+
+
+class _Finding:
+    """Gives limbs their centre lines and remembers them."""
+
+    def __init__(self, limbs: LimbCurves) -> None:
+        self._limbs = limbs
+        self._walked = self._sliced = 0
+        self.lines: dict[str, CentreLine] = {}
+
+    def line_of(self, body: Extremities) -> Callable[[str, float], CentreLine]:
+        limbs = self._limbs.turned(body.graph)
+
+        def find(name: str, reach: float) -> CentreLine:
+            line, walked = limbs.line(body.tips[name], body.fields[name], reach)
+            self._walked += walked
+            self._sliced += len(line.points) - 1 - walked
+            self.lines[name] = line
+            return line
+
+        return find
+
+    def notes(self, curves: IsoCurves | None, chains: Tubes | None) -> tuple[str, ...]:
+        used = f"centre lines from {self._walked} iso-parametric curves and {self._sliced} geodesic slices"
+        if curves is None or chains is None:
+            return ("no quads: sliced along geodesic distances from the limbs' ends", used)
+        found = f"{len(curves)} iso-parametric curves, {int(curves.closed.sum())} closed, {len(chains)} tubes"
+        return (found, used)
+
+
+def _found(
+    graph: SurfaceGraph, tips: list[int], template: str, finding: _Finding
+) -> tuple[Extremities, dict[str, NDArray[np.float64]]]:
+    if template == "human":
+        body = human_extremities(graph, tips)
+        return body, human_joints(body, finding.line_of(body))
+    body = quadruped_extremities(graph, tips)
+    return body, quadruped_joints(body, finding.line_of(body))
+
+
+def _turned(line: CentreLine, turn: NDArray[np.float64]) -> CentreLine:
+    return CentreLine(frozen(line.points @ turn), line.girths, line.arcs)

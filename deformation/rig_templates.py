@@ -1,0 +1,111 @@
+"""What is known of a character before it is seen: joints, their order, and the proportions that no curve shows.
+
+Human figures are those of Drillis and Contini (1966) as printed in Winter, Biomechanics and Motor Control of Human
+Movement, and of Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel (crotch and cervicale heights).
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class HumanTemplate:
+    """Shares of lengths that the mesh gives; see `auto_rig_human` for which cue each joins.
+
+    hip_between: hip joint's height from crotch to shoulder; hip_to_shoulder, hip_to_stature: from the floor to those.
+    knee, elbow: along hip-ankle and shoulder-wrist. hand: wrist to finger tip along the arm; ankle_height: of stature.
+    spine: along hips-neck; clavicle: along breast bone-shoulder; head: along neck-crown; toes: along ankle-toe tip.
+    """
+
+    hip_between: float = 0.16
+    hip_to_shoulder: float = 0.636
+    hip_to_stature: float = 0.525
+    knee: float = 0.489
+    elbow: float = 0.56
+    hand: float = 0.245
+    ankle_height: float = 0.039
+    spine: tuple[float, float, float] = (0.18, 0.41, 0.67)
+    clavicle: float = 0.155
+    head: float = 0.333
+    toes: float = 0.67
+
+
+HUMAN = HumanTemplate()
+
+HUMAN_TREE: tuple[tuple[str, str | None], ...] = (
+    ("hips", None),
+    ("spine", "hips"),
+    ("chest", "spine"),
+    ("upper_chest", "chest"),
+    ("neck", "upper_chest"),
+    ("head", "neck"),
+    ("head_end", "head"),
+    *(
+        (f"{side}_{joint}", parent if parent in ("hips", "upper_chest") else f"{side}_{parent}")
+        for side in ("left", "right")
+        for joint, parent in (
+            ("shoulder", "upper_chest"),
+            ("upper_arm", "shoulder"),
+            ("lower_arm", "upper_arm"),
+            ("hand", "lower_arm"),
+            ("hand_end", "hand"),
+            ("upper_leg", "hips"),
+            ("lower_leg", "upper_leg"),
+            ("foot", "lower_leg"),
+            ("toes", "foot"),
+            ("toes_end", "toes"),
+        )
+    ),
+)
+"""Joints and their parents, under the VRM specification's names."""
+
+
+@dataclass(frozen=True)
+class QuadrupedTemplate:
+    """Shares for an animal on four legs, between those of cats, dogs and horses.
+
+    above_seam: how far the upper joint stands over the leg's seam, of the leg's length.
+    fore_leg, hind_leg: where wrist and elbow, hock and stifle are, of the way from the toes to the upper joint.
+    spine: joints along hips-withers; spine_height: from belly to back; neck, head: along withers-nose.
+    """
+
+    above_seam: float = 0.3
+    fore_leg: tuple[float, float] = (0.25, 0.68)
+    hind_leg: tuple[float, float] = (0.33, 0.7)
+    spine: tuple[float, float] = (0.33, 0.67)
+    spine_height: float = 0.7
+    neck: float = 0.2
+    head: float = 0.55
+
+
+QUADRUPED = QuadrupedTemplate()
+
+QUADRUPED_TREE: tuple[tuple[str, str | None], ...] = (
+    ("hips", None),
+    ("spine", "hips"),
+    ("chest", "spine"),
+    ("upper_chest", "chest"),
+    ("neck", "upper_chest"),
+    ("head", "neck"),
+    ("head_end", "head"),
+    *(
+        (f"{side}_{joint}", parent if parent in ("hips", "upper_chest") else f"{side}_{parent}")
+        for side in ("left", "right")
+        for joint, parent in (
+            ("shoulder", "upper_chest"),
+            ("upper_arm", "shoulder"),
+            ("lower_arm", "upper_arm"),
+            ("hand", "lower_arm"),
+            ("hand_end", "hand"),
+            ("upper_leg", "hips"),
+            ("lower_leg", "upper_leg"),
+            ("foot", "lower_leg"),
+            ("foot_end", "foot"),
+        )
+    ),
+    ("tail_1", "hips"),
+    ("tail_2", "tail_1"),
+    ("tail_3", "tail_2"),
+    ("tail_4", "tail_3"),
+    ("tail_end", "tail_4"),
+)
+"""Fore legs bear the names of arms, so that what moves a person can move an animal; tails may be missing."""
