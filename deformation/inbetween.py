@@ -1,0 +1,134 @@
+"""Shapes between example poses of one mesh, by time or by the angles of joints (paper figs. 5 and 6)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformation.beam import BeamSettings, BeamSkin
+from deformation.isocurves import IsoCurves
+from devices.errors import SettingError
+from devices.progress import Progress, no_progress
+
+_STEPS_A_FRAME = 4
+
+
+def inbetween(
+    curves: IsoCurves,
+    poses: Sequence[NDArray[np.float64]],
+    frames: int,
+    duration_s: float = 0.5,
+    settings: BeamSettings | None = None,
+    progress: Progress = no_progress,
+) -> Iterator[NDArray[np.float64]]:
+    """Vertices (V, 3) metres: the first pose, `frames` between each pose and the next, and every pose itself, exactly.
+
+    poses: two or more (V, 3) metres of the same mesh. duration_s: seconds from one to the next.
+    Raises SettingError for fewer poses, other vertex counts, or no frames.
+    """
+    if len(poses) < 2 or any(pose.shape != poses[0].shape for pose in poses):
+        raise SettingError(f"poses of {[len(pose) for pose in poses]} vertices: use two or more of the same mesh")
+    if frames < 1:
+        raise SettingError(f"{frames} frames between the poses: use 1 or more")
+    total = (len(poses) - 1) * (frames + 1)
+    yield np.array(poses[0])
+    for stretch, (start, end) in enumerate(pairwise(poses)):
+        for number, shape in enumerate(_stretch(curves, start, end, frames, duration_s, settings), start=1):
+            progress(stretch * (frames + 1) + number, total)
+            yield shape
+
+
+def _stretch(
+    curves: IsoCurves,
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    frames: int,
+    duration_s: float,
+    settings: BeamSettings | None,
+) -> Iterator[NDArray[np.float64]]:
+    """The shapes after `start`, up to `end` and with it.
+
+    What lag is left at the end is taken out in proportion to the way gone: the force that brings the skin home.
+    """
+    steps = (frames + 1) * _STEPS_A_FRAME
+    skin = BeamSkin(curves, start, duration_s / steps, settings)
+    way, moved, kept = end - start, np.empty_like(start), []
+    for step in range(1, steps + 1):
+        share, speed = ease(step / steps)
+        skin.step(share * way, speed / duration_s * way, moved)
+        if step % _STEPS_A_FRAME == 0:
+            kept.append(moved.copy())
+    left = kept[-1] - way
+    for number, displacement in enumerate(kept[:-1], start=1):
+        yield start + displacement - ease(number / (frames + 1))[0] * left
+    yield np.array(end)
+
+
+def ease(share: float) -> tuple[float, float]:
+    """The quintic that starts and ends at rest, without a jump in acceleration: its value and slope at 0 to 1."""
+    x = share
+    return x * x * x * (10 + x * (6 * x - 15)), 30 * x * x * (1 - x) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class ExampleShape:
+    """How a mesh should look where a joint is bent by some angle.
+
+    joint: its number; angle: radians of its rotation away from the bind pose; offsets: (V, 3) metres from the plainly
+    deformed mesh, in the joint's frame. An example of no offsets at angle 0 is understood.
+    """
+
+    joint: int
+    angle: float
+    offsets: NDArray[np.float64]
+
+
+class PoseDrivenShapes:
+    """Example shapes that come in as joints bend, as beams over another deformation's result.
+
+    Raises SettingError where two examples of a joint have the same angle, or one has angle 0.
+    """
+
+    def __init__(
+        self,
+        curves: IsoCurves,
+        rest: NDArray[np.float64],
+        examples: Sequence[ExampleShape],
+        dt_s: float,
+        settings: BeamSettings | None = None,
+    ) -> None:
+        self._by_joint: dict[int, list[ExampleShape]] = {}
+        for example in sorted(examples, key=lambda e: e.angle):
+            own = self._by_joint.setdefault(example.joint, [])
+            if example.angle <= 0 or (own and own[-1].angle == example.angle):
+                raise SettingError(f"joint {example.joint} at {example.angle} rad: give each angle above 0 once")
+            own.append(example)
+        self._skin, self._dt = BeamSkin(curves, rest, dt_s, settings), dt_s
+        self._last = np.zeros_like(rest)
+        self._moved = np.zeros_like(rest)
+
+    def target(self, angles: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(V, 3) metres: each joint's examples, mixed linearly by its angle, turned as the joint is.
+
+        angles: (J,) radians from the bind pose; turns: (J, 3, 3) `R_world_joint`.
+        """
+        total = np.zeros_like(self._last)
+        for joint, examples in self._by_joint.items():
+            knots = [0.0, *(example.angle for example in examples)]
+            place = float(np.interp(angles[joint], knots, range(len(knots))))
+            for number, example in enumerate(examples, start=1):
+                weight = max(0.0, 1.0 - abs(place - number))
+                if weight > 0:
+                    total += weight * example.offsets @ turns[joint].T
+        return total
+
+    def follow(
+        self, vertices: NDArray[np.float64], angles: NDArray[np.float64], turns: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The deformed mesh (V, 3) with its example shapes, one step on; arguments as for `target`."""
+        target = self.target(angles, turns)
+        self._skin.step(target, (target - self._last) / self._dt, self._moved)
+        self._last = target
+        return vertices + self._moved
