@@ -33,8 +33,8 @@ class TrackerReturn:
     """
 
     DURATION_S = 0.3
-    MISSING_S = 0.03
-    """A shorter gap is no dropout."""
+    MISSING_S = 0.07
+    """A shorter gap, up to three frames, is no dropout: the track itself says how the joint went on."""
 
     def __init__(self) -> None:
         self.reset()
