@@ -14,11 +14,15 @@ from deformation.curve_skeleton import CentreLine
 from deformation.curve_skeleton_limbs import LimbCurves, limb_curves
 from deformation.isocurves import IsoCurves, Tubes, iso_curves, tubes
 from deformation.isocurves_geodesic import SurfaceGraph, surface_graph
+from deformation.isocurves_pairing import paired_quads
 from deformation.mesh import Mesh
 from deformation.rig_templates import HUMAN_TREE, QUADRUPED_TREE
 from devices.errors import SixpointError, choice_error
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
+
+_PAIRED = 0.9
+"""Below that share of paired triangles their quads are accidental, and so would be the curves along them."""
 
 TEMPLATES = ("auto", "human", "quadruped")
 
@@ -56,8 +60,7 @@ def rig_mesh(mesh: Mesh, template: str = "auto") -> AutoRig:
     """
     if template not in TEMPLATES:
         raise choice_error("template", template, TEMPLATES)
-    curves = iso_curves(mesh) if len(mesh.quads) else None
-    chains = tubes(mesh, curves) if curves is not None else None
+    curves, chains, path = _curves(mesh)
     graph = surface_graph(mesh)
     tips = limb_tips(graph)
     if template == "auto":
@@ -70,7 +73,7 @@ def rig_mesh(mesh: Mesh, template: str = "auto") -> AutoRig:
     joints = {name: place @ body.turn for name, place in joints.items()}
     lines = {name: _turned(line, body.turn) for name, line in finding.lines.items()}
     tree = HUMAN_TREE if template == "human" else QUADRUPED_TREE
-    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, finding.notes(curves, chains))
+    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, (path, *finding.notes(curves, chains)))
 
 
 def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str | None]]) -> Rig:
@@ -88,6 +91,21 @@ def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str
     bind[:, :3, 3] = positions
     skeleton = Skeleton(tuple(present), frozen(above), frozen(offsets))
     return Rig(skeleton, tuple(present), frozen(bind), None)
+
+
+def _curves(mesh: Mesh) -> tuple[IsoCurves | None, Tubes | None, str]:
+    """Curves and tubes where the mesh is of quads or its triangles make some, and a line on the path taken."""
+    quads, path = mesh, f"{len(mesh.quads)} quads"
+    if 2 * len(mesh.quads) < len(mesh.triangles):
+        quads, share = paired_quads(mesh)
+        path = f"{share:.0%} of {len(mesh.triangles)} triangles paired to quads"
+        if share < _PAIRED:
+            return None, None, f"only {path}: sliced along geodesic distances from the limbs' ends"
+    curves = iso_curves(quads)
+    chains = tubes(quads, curves)
+    if not len(chains):
+        return None, None, f"{path}, no tubes among them: sliced along geodesic distances from the limbs' ends"
+    return curves, chains, path
 
 
 def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRig:
@@ -126,7 +144,7 @@ class _Finding:
     def notes(self, curves: IsoCurves | None, chains: Tubes | None) -> tuple[str, ...]:
         used = f"centre lines from {self._walked} iso-parametric curves and {self._sliced} geodesic slices"
         if curves is None or chains is None:
-            return ("no quads: sliced along geodesic distances from the limbs' ends", used)
+            return (used,)
         found = f"{len(curves)} iso-parametric curves, {int(curves.closed.sum())} closed, {len(chains)} tubes"
         return (found, used)
 

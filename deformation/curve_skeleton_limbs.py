@@ -13,8 +13,11 @@ from devices.frame import frozen
 _STEP = 0.01
 """Metres between slices as a share of the mesh's height."""
 
-_LEAST_GIRTH = 0.6
+_LEAST_GIRTH = 0.8
 """A tube's ring is around the limb, and no eye or nail on it, if its girth is that share of the slice's or more."""
+
+_MOST_LONELY = 0.5
+"""Where more of a limb's slices than that have no curve near, curves and slices would alternate: then slices alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,8 @@ class LimbCurves:
         if not fits.any():
             return sliced, 0
         lonely = np.abs(sliced.levels[:, None] - levels[fits]).min(axis=1) > gap
+        if lonely.mean() > _MOST_LONELY:
+            return sliced, 0
         joined = [
             np.concatenate([own[fits], other[lonely]])
             for own, other in (

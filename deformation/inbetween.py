@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.beam import BeamSettings, BeamSkin
-from deformation.isocurves import IsoCurves
+from deformation.inbetween_target import turning_way
+from deformation.isocurves import IsoCurves, iso_curves
+from deformation.isocurves_pairing import paired_quads
+from deformation.mesh import Mesh
 from devices.errors import SettingError
 from devices.progress import Progress, no_progress
 
@@ -16,7 +19,7 @@ _STEPS_A_FRAME = 4
 
 
 def inbetween(
-    curves: IsoCurves,
+    mesh: Mesh,
     poses: Sequence[NDArray[np.float64]],
     frames: int,
     duration_s: float = 0.5,
@@ -25,24 +28,29 @@ def inbetween(
 ) -> Iterator[NDArray[np.float64]]:
     """Vertices (V, 3) metres: the first pose, `frames` between each pose and the next, and every pose itself, exactly.
 
-    poses: two or more (V, 3) metres of the same mesh. duration_s: seconds from one to the next.
-    Raises SettingError for fewer poses, other vertex counts, or no frames.
+    mesh: whose faces all poses share; triangles among them that pair are taken as quads. poses: two or more (V, 3)
+    metres. duration_s: seconds from one to the next. Limbs turn on their way, as `turning_way` has it.
+    Raises SettingError for fewer poses, other vertex counts, no frames, or no duration.
     """
-    if len(poses) < 2 or any(pose.shape != poses[0].shape for pose in poses):
-        raise SettingError(f"poses of {[len(pose) for pose in poses]} vertices: use two or more of the same mesh")
+    if len(poses) < 2 or any(pose.shape != mesh.vertices.shape for pose in poses):
+        raise SettingError(
+            f"poses of {', '.join(str(len(pose)) for pose in poses)} vertices: use two or more of the same mesh"
+        )
     if frames < 1:
         raise SettingError(f"{frames} frames between the poses: use 1 or more")
+    curves = iso_curves(mesh if len(mesh.quads) else paired_quads(mesh)[0])
     total = (len(poses) - 1) * (frames + 1)
     yield np.array(poses[0])
     for stretch, (start, end) in enumerate(pairwise(poses)):
-        for number, shape in enumerate(_stretch(curves, start, end, frames, duration_s, settings), start=1):
+        shapes = _stretch(curves, mesh.with_vertices(start), end, frames, duration_s, settings)
+        for number, shape in enumerate(shapes, start=1):
             progress(stretch * (frames + 1) + number, total)
             yield shape
 
 
 def _stretch(
     curves: IsoCurves,
-    start: NDArray[np.float64],
+    start: Mesh,
     end: NDArray[np.float64],
     frames: int,
     duration_s: float,
@@ -53,23 +61,24 @@ def _stretch(
     What lag is left at the end is taken out in proportion to the way gone: the force that brings the skin home.
     """
     steps = (frames + 1) * _STEPS_A_FRAME
-    skin = BeamSkin(curves, start, duration_s / steps, settings)
-    way, moved, kept = end - start, np.empty_like(start), []
+    dt = duration_s / steps
+    skin, way = BeamSkin(curves, start.vertices, dt, settings), turning_way(start, end)
+    last, moved, kept = np.zeros_like(end), np.empty_like(end), []
     for step in range(1, steps + 1):
-        share, speed = ease(step / steps)
-        skin.step(share * way, speed / duration_s * way, moved)
+        target = way(ease(step / steps)) - start.vertices
+        skin.step(target, (target - last) / dt, moved)
+        last = target
         if step % _STEPS_A_FRAME == 0:
             kept.append(moved.copy())
-    left = kept[-1] - way
+    left = kept[-1] - (end - start.vertices)
     for number, displacement in enumerate(kept[:-1], start=1):
-        yield start + displacement - ease(number / (frames + 1))[0] * left
+        yield start.vertices + displacement - ease(number / (frames + 1)) * left
     yield np.array(end)
 
 
-def ease(share: float) -> tuple[float, float]:
-    """The quintic that starts and ends at rest, without a jump in acceleration: its value and slope at 0 to 1."""
-    x = share
-    return x * x * x * (10 + x * (6 * x - 15)), 30 * x * x * (1 - x) ** 2
+def ease(share: float) -> float:
+    """The quintic from 0 to 1 that starts and ends at rest, without a jump in acceleration."""
+    return share * share * share * (10 + share * (6 * share - 15))
 
 
 @dataclass(frozen=True, eq=False)

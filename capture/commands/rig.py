@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from devices.errors import FileError
+from devices.errors import FileError, choice_error
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,6 +51,46 @@ def rig(
     for note in (*notes, *found.notes):
         print(note)
     print(f"{found.template} of {len(found.rig.skeleton)} joints in {len(body.vertices)} vertices: {out}")
+
+
+def inbetween(
+    poses: Annotated[list[Path], typer.Argument(help="Two or more poses of one mesh: .obj or .ply.")],
+    frames: Annotated[int, typer.Option(min=1, max=1000, help="Shapes between each pose and the next.")] = 8,
+    out: Annotated[Path, typer.Option(help="A folder for .obj files, or an .npz of vertices.")] = Path("inbetween"),
+    duration_s: Annotated[float, typer.Option(min=0.01, help="From one pose to the next, seconds.")] = 0.5,
+    young_modulus_pa: Annotated[float, typer.Option(help="Of the skin, pascal.")] = 2e5,
+    density_kg_m3: Annotated[float, typer.Option(help="Of the skin.")] = 1100.0,
+    thickness_m: Annotated[float, typer.Option(help="Of the skin with what hangs on it, metres.")] = 0.01,
+    frequency_hz: Annotated[float, typer.Option(help="Of the skin's swing on the flesh.")] = 4.0,
+    damping_ratio: Annotated[float, typer.Option(help="0 swings on, 1 does not overshoot.")] = 0.35,
+) -> None:
+    """Make the shapes between poses of one mesh, its skin bending as beams along its curves.
+
+    The first shape is the first pose and every pose is met exactly. All files must have the same vertices in the same
+    order.
+    """
+    from capture.progress import progress_bar
+    from deformation.beam import BeamSettings
+    from deformation.inbetween import inbetween as shapes_between
+    from deformation.inbetween_files import write_shapes
+    from deformation.mesh_files import read_mesh
+
+    if out.suffix.lower() not in ("", ".npz"):
+        raise choice_error("ending", out.suffix, (".npz", "a folder for .obj files"))
+    if out.parent != Path() and not out.parent.is_dir():
+        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    settings = BeamSettings(young_modulus_pa, density_kg_m3, thickness_m, frequency_hz, damping_ratio)
+    meshes = [read_mesh(path) for path in poses]
+    for path, mesh in zip(poses, meshes, strict=True):
+        if mesh.vertices.shape != meshes[0].vertices.shape:
+            raise FileError(
+                f"{path}: {len(mesh.vertices)} vertices where {poses[0]} has {len(meshes[0].vertices)}: "
+                "use poses of the same mesh"
+            )
+    with progress_bar("bending") as progress:
+        shapes = shapes_between(meshes[0], [m.vertices for m in meshes], frames, duration_s, settings, progress)
+        count = write_shapes(meshes[0], shapes, out)
+    print(f"{count} shapes of {len(meshes[0].vertices)} vertices: {out}")
 
 
 def _placed(path: Path, unit_m: float | None) -> tuple["Mesh", float, "NDArray[np.float64]", tuple[str, ...]]:

@@ -60,9 +60,21 @@ def test_size_is_only_a_scale(body, found: AutoRig) -> None:
     np.testing.assert_allclose(small.rig.bind[:, :3, 3], 0.01 * found.rig.bind[:, :3, 3], atol=2e-4)
 
 
-def test_triangles_are_sliced(body) -> None:
+def test_quads_cut_in_two_are_joined_again(body) -> None:
     mesh, truth = body
-    sliced = rig_mesh(Mesh(mesh.vertices, np.empty((0, 4), np.int32), mesh.triangulated))
+    paired = rig_mesh(Mesh(mesh.vertices, np.empty((0, 4), np.int32), mesh.triangulated))
+    assert "paired" in paired.notes[0]
+    assert errors(paired, truth).mean() < 0.02
+
+
+def test_triangles_that_do_not_pair_are_sliced(body) -> None:
+    mesh, truth = body
+    # Each triangle into three around its middle: no two of them make a quad.
+    corners = mesh.triangulated
+    middle = np.arange(len(corners)) + len(mesh.vertices)
+    split = np.concatenate([np.stack([corners[:, k], corners[:, (k + 1) % 3], middle], axis=1) for k in range(3)])
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[corners].mean(axis=1)])
+    sliced = rig_mesh(Mesh(vertices, np.empty((0, 4), np.int32), split.astype(np.int32)))
     assert sliced.curves is None
     assert "sliced" in sliced.notes[0]
     assert errors(sliced, truth).mean() < 0.02

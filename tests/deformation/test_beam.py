@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from deformation.beam import BeamSettings, BeamSkin, fourth_difference, spacings
 from deformation.inbetween import ExampleShape, PoseDrivenShapes, ease, inbetween
+from deformation.inbetween_target import turning_way
 from deformation.isocurves import IsoCurves, iso_curves
 from devices.errors import SettingError
 from tests.deformation.bodies import box
@@ -117,7 +119,7 @@ def test_examples_are_met_exactly(frames: int, duration_s: float, seed: int) -> 
     mesh = box((0, 0, 0), (1, 1, 1), 4)
     random = np.random.default_rng(seed)
     poses = [mesh.vertices, *(mesh.vertices + 0.2 * random.normal(size=(2, *mesh.vertices.shape)))]
-    shapes = list(inbetween(iso_curves(mesh), poses, frames, duration_s))
+    shapes = list(inbetween(mesh, poses, frames, duration_s))
     assert len(shapes) == 2 * (frames + 1) + 1
     for pose, shape in zip(poses, shapes[:: frames + 1], strict=True):
         assert np.array_equal(pose, shape)
@@ -126,17 +128,34 @@ def test_examples_are_met_exactly(frames: int, duration_s: float, seed: int) -> 
 def test_shapes_between_neither_jump_nor_overshoot_wildly() -> None:
     mesh = cylinder(12, 15)
     end = mesh.vertices + np.array([0, 0.3, 0])
-    heights = [float((s - mesh.vertices)[:, 1].mean()) for s in inbetween(iso_curves(mesh), [mesh.vertices, end], 19)]
+    heights = [float((s - mesh.vertices)[:, 1].mean()) for s in inbetween(mesh, [mesh.vertices, end], 19)]
     assert max(heights) < 0.33
     assert min(heights) > -0.03
     assert np.abs(np.diff(heights)).max() < 3 * 0.3 / 20
 
 
+def test_a_limb_that_bends_keeps_its_length() -> None:
+    straight, bent = cylinder(16, 30), cylinder(16, 30, np.radians(100))
+    way = turning_way(straight, bent.vertices)
+    for share in (0.0, 0.2, 0.5, 0.8, 1.0):
+        end = way(share)[-16:].mean(axis=0) - [0.5, 0, 0]
+        assert np.linalg.norm(end) == pytest.approx(0.5, abs=0.015)
+    np.testing.assert_allclose(way(0.0), straight.vertices, atol=1e-9)
+    np.testing.assert_allclose(way(1.0), bent.vertices, atol=1e-9)
+
+
+def test_what_turns_as_a_whole_only_turns() -> None:
+    mesh = box((0, 0, 0), (1, 0.5, 0.2), 3)
+    turn = Rotation.from_rotvec([0.3, 1.1, -0.4])
+    half = turning_way(mesh, turn.apply(np.array(mesh.vertices)))(0.5)
+    expected = Rotation.from_rotvec(np.array([0.3, 1.1, -0.4]) / 2).apply(np.array(mesh.vertices))
+    np.testing.assert_allclose(half - half.mean(axis=0), expected - expected.mean(axis=0), atol=1e-9)
+
+
 def test_ease_is_at_rest_at_both_ends() -> None:
-    assert ease(0.0) == (0.0, 0.0)
-    assert ease(1.0) == (1.0, 0.0)
-    x, h = 0.37, 1e-6
-    assert (ease(x + h)[0] - ease(x - h)[0]) / (2 * h) == pytest.approx(ease(x)[1], rel=1e-6)
+    assert [ease(x) for x in (0.0, 0.5, 1.0)] == [0.0, 0.5, 1.0]
+    assert ease(0.01) < 1e-4
+    assert 1 - ease(0.99) < 1e-4
 
 
 def test_example_shapes_come_in_as_a_joint_bends() -> None:
@@ -161,6 +180,6 @@ def test_wrong_settings_are_named() -> None:
     with pytest.raises(SettingError, match="damping_ratio"):
         BeamSettings(damping_ratio=3)
     with pytest.raises(SettingError, match="two or more"):
-        next(inbetween(iso_curves(mesh), [mesh.vertices], 3))
+        next(inbetween(mesh, [mesh.vertices], 3))
     with pytest.raises(SettingError, match="once"):
         PoseDrivenShapes(iso_curves(mesh), mesh.vertices, [ExampleShape(0, 0.0, mesh.vertices)], 0.1)
