@@ -21,6 +21,9 @@ import typer
 from typer.exceptions import TyperException
 
 from capture.cli import app, main
+from reconstruction.motion import Motion
+from reconstruction.motion_files import read_motion, write_bvh
+from reconstruction.motion_operations import cropped
 from tests.capture.conftest import clips, database, tracks  # noqa: F401
 from tests.command_reference import PAGES
 
@@ -82,8 +85,8 @@ def examples(clips, database, tracks, tmp_path_factory) -> dict[str, Callable[[P
         "clips": copied(clips),
         "my_database": copied(database),
         "walk.csv": copied(tracks),
-        "walk.bvh": copied(clips / "walk_1.bvh"),
-        "run.bvh": copied(clips / "run_1.bvh"),
+        "walk.bvh": lambda to: write_bvh(beginning(clips / "walk_1.bvh"), to),
+        "run.bvh": lambda to: write_bvh(beginning(clips / "run_1.bvh"), to),
         "take.mcap": copied(ROOT / "replay_logs" / "takes" / "generic.mcap"),
         "session.toml": lambda to: main(["config", "init", str(to)]),
         "hero.glb": lambda to: make_hero(clips / "walk_1.bvh", to),
@@ -91,13 +94,18 @@ def examples(clips, database, tracks, tmp_path_factory) -> dict[str, Callable[[P
     }
 
 
-def make_hero(motion: Path, to: Path) -> None:
+def beginning(path: Path, seconds: float = 3.0) -> Motion:
+    """The first seconds of a motion."""
+    motion = read_motion(path)
+    return cropped(motion, 0, round(seconds * motion.fps))
+
+
+def make_hero(path: Path, to: Path) -> None:
     """A character's file: the small mannequin."""
     from capture.export import write_glb
     from deformation.character import mannequin_character
-    from reconstruction.motion_files import read_motion
 
-    walk = read_motion(motion)
+    walk = beginning(path)
     write_glb(mannequin_character(walk.skeleton, "low", walk.pose(0)), walk, to)
 
 
