@@ -5,11 +5,13 @@ meets the second pose exactly does not exist near a resonance, and overshoots wi
 would carry a smooth target between the examples, F = E I target'''' + rho A target_tt; what the skin adds by its
 damping is the lag e = q - target, and that is what is solved for. Divided by rho A, with skin tied to the flesh:
 
-    e_tt + 2 zeta w e_t + (E I / rho A) e'''' + w^2 e = -2 zeta w target_t
+    e_tt + 2 zeta w e_t + (E I / rho A) e'''' + w^2 e = -2 zeta w d_t
 
-with w the frequency of that tie, without which a closed curve could drift, and I / A = thickness^2 / 12. Differences
-are central in v, fixed in place and tangent at an open curve's ends, periodic on a closed one; in time Newmark's
-average acceleration (beta 1/4, gamma 1/2), which is stable for every step and loses no amplitude.
+with d_t the target's velocity less the rigid motion of the curve as a whole: what is damped is deformation, and a limb
+that swings does not leave its skin behind. w is the frequency of the tie, without which a closed curve could drift, and
+I / A = thickness^2 / 12. Differences are central in v, fixed in place and tangent at an open curve's ends, periodic on
+a closed one; in time Newmark's average acceleration (beta 1/4, gamma 1/2), which is stable for every step and loses no
+amplitude.
 """
 
 from dataclasses import dataclass
@@ -23,6 +25,9 @@ from devices.errors import SettingError
 
 _FEWEST_BENDING = 5
 """A closed curve of fewer vertices has no fourth difference; it only follows its tie."""
+
+_EVEN = 1e-6
+"""A straight curve's turn about itself is taken as none: added to its moments of inertia, as a share of their sum."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,7 @@ class BeamSkin:
         if not dt_s > 0:
             raise SettingError(f"the step is {dt_s} s: it must be above 0")
         self._settings, self._dt = settings or BeamSettings(), dt_s
+        self._rest = np.array(rest)
         self._members, self._starts, self._closed = curves.vertices, curves.starts, curves.closed
         self._share = 1.0 / np.maximum(np.bincount(curves.vertices, minlength=len(rest)), 1)
         w = 2 * np.pi * self._settings.frequency_hz
@@ -81,9 +87,10 @@ class BeamSkin:
 
         target, target_velocity: (V, 3) metres and metres a second at the step's end.
         """
+        _deforming(self._rest, target, target_velocity, self._members, self._starts, self._right)
         _step(
-            self._members, self._starts, self._closed, self._stiffness, self._factor, self._drag, self._tie,
-            self._dt, target_velocity, self._e, self._v, self._a, self._right,
+            self._starts, self._closed, self._stiffness, self._factor, self._drag, self._tie,
+            self._dt, self._e, self._v, self._a, self._right,
         )  # fmt: skip
         _gather(self._members, self._share, self._e, target, out)
 
@@ -134,6 +141,66 @@ def fourth_difference(values: NDArray[np.float64], closed: bool) -> NDArray[np.f
     wide = np.concatenate([values[1:2], values, values[-2:-1]])
     inner = wide[:-4] - 4 * wide[1:-3] + 6 * wide[2:-2] - 4 * wide[3:-1] + wide[4:]
     return np.concatenate([np.zeros_like(values[:1]), inner, np.zeros_like(values[:1])])
+
+
+def deforming_reference(points: NDArray[np.float64], velocities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) velocities of a curve's points (n, 3) less those of the rigid motion nearest to them, in plain NumPy."""
+    r, u = points - points.mean(axis=0), velocities - velocities.mean(axis=0)
+    inertia = np.einsum("ni,ni->", r, r) * (1 + _EVEN) * np.eye(3) - r.T @ r
+    return u - np.cross(np.linalg.solve(inertia, np.cross(r, u).sum(axis=0)), r)
+
+
+@kernel
+def _deforming(rest, target, velocity, members, starts, out):
+    """`deforming_reference` for every curve, its points being rest + target: writes (N, 3)."""
+    c, u, spin = np.empty(3), np.empty(3), np.empty(3)
+    m, r = np.empty((3, 3)), np.empty(3)
+    for curve in range(len(starts) - 1):
+        begin, end = starts[curve], starts[curve + 1]
+        c[:] = 0.0
+        u[:] = 0.0
+        for n in range(begin, end):
+            vertex = members[n]
+            for i in range(3):
+                c[i] += rest[vertex, i] + target[vertex, i]
+                u[i] += velocity[vertex, i]
+        for i in range(3):
+            c[i] /= end - begin
+            u[i] /= end - begin
+        m[:] = 0.0
+        spin[:] = 0.0
+        for n in range(begin, end):
+            vertex = members[n]
+            x = rest[vertex, 0] + target[vertex, 0] - c[0]
+            y = rest[vertex, 1] + target[vertex, 1] - c[1]
+            z = rest[vertex, 2] + target[vertex, 2] - c[2]
+            p, q, s = velocity[vertex, 0] - u[0], velocity[vertex, 1] - u[1], velocity[vertex, 2] - u[2]
+            spin[0] += y * s - z * q
+            spin[1] += z * p - x * s
+            spin[2] += x * q - y * p
+            m[0, 0] += y * y + z * z
+            m[1, 1] += x * x + z * z
+            m[2, 2] += x * x + y * y
+            m[0, 1] -= x * y
+            m[0, 2] -= x * z
+            m[1, 2] -= y * z
+        even = _EVEN * (m[0, 0] + m[1, 1] + m[2, 2]) / 2 + 1e-300
+        a, b, d = m[0, 0] + even, m[1, 1] + even, m[2, 2] + even
+        f, g, h = m[0, 1], m[0, 2], m[1, 2]
+        # The inverse of a symmetric 3 x 3 matrix by its cofactors.
+        c00, c01, c02 = b * d - h * h, g * h - f * d, f * h - g * b
+        c11, c12, c22 = a * d - g * g, f * g - a * h, a * b - f * f
+        det = a * c00 + f * c01 + g * c02
+        wx = (c00 * spin[0] + c01 * spin[1] + c02 * spin[2]) / det
+        wy = (c01 * spin[0] + c11 * spin[1] + c12 * spin[2]) / det
+        wz = (c02 * spin[0] + c12 * spin[1] + c22 * spin[2]) / det
+        for n in range(begin, end):
+            vertex = members[n]
+            for i in range(3):
+                r[i] = rest[vertex, i] + target[vertex, i] - c[i]
+            out[n, 0] = velocity[vertex, 0] - u[0] - (wy * r[2] - wz * r[1])
+            out[n, 1] = velocity[vertex, 1] - u[1] - (wz * r[0] - wx * r[2])
+            out[n, 2] = velocity[vertex, 2] - u[2] - (wx * r[1] - wy * r[0])
 
 
 @kernel
@@ -216,8 +283,8 @@ def _factor(starts, closed, stiffness, mass):
 
 
 @kernel
-def _step(members, starts, closed, stiffness, factor, drag, tie, dt, target_velocity, e, v, a, x):
-    """Newmark's step of all lags: solves for the new accelerations, x, and moves e, v and a on."""
+def _step(starts, closed, stiffness, factor, drag, tie, dt, e, v, a, x):
+    """Newmark's step of all lags: moves e, v and a on. x: d_t on the way in, the new accelerations on the way out."""
     half, quarter = dt / 2, dt * dt / 4
     for c in range(len(closed)):
         begin, end, k = starts[c], starts[c + 1], stiffness[c]
@@ -231,9 +298,8 @@ def _step(members, starts, closed, stiffness, factor, drag, tie, dt, target_velo
             first, last = begin + 1, end - 1
         size = end - begin
         for n in range(first, last):
-            vertex = members[n]
             for i in range(3):
-                force = -drag * (target_velocity[vertex, i] + v[n, i]) - tie * e[n, i]
+                force = -drag * (x[n, i] + v[n, i]) - tie * e[n, i]
                 if k > 0:
                     if closed[c]:
                         before, after = n - 1, n + 1

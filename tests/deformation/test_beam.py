@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from deformation.beam import BeamSettings, BeamSkin, fourth_difference, spacings
+from deformation.beam import BeamSettings, BeamSkin, deforming_reference, fourth_difference, spacings
 from deformation.inbetween import ExampleShape, PoseDrivenShapes, ease, inbetween
 from deformation.inbetween_target import turning_way
 from deformation.isocurves import IsoCurves, iso_curves
@@ -54,7 +54,8 @@ def test_kernels_are_plain_matrices(count: int, closed: bool, dt: float, damping
         target, velocity = random.normal(size=(2, count, 3))
         skin.step(target, velocity, out)
         drag = 2 * damping * w
-        state = plain_step(matrix, drag, w * w, dt, -drag * velocity[free], state)
+        deforming = deforming_reference(rest + target, velocity)
+        state = plain_step(matrix, drag, w * w, dt, -drag * deforming[free], state)
         expected = np.zeros((count, 3))
         expected[free] = state[0]
         np.testing.assert_allclose(out - target, expected, atol=1e-9 * (1 + np.abs(expected).max()))
@@ -156,6 +157,16 @@ def test_ease_is_at_rest_at_both_ends() -> None:
     assert [ease(x) for x in (0.0, 0.5, 1.0)] == [0.0, 0.5, 1.0]
     assert ease(0.01) < 1e-4
     assert 1 - ease(0.99) < 1e-4
+
+
+def test_rigid_motion_leaves_no_lag() -> None:
+    mesh = torus(8, 12)
+    skin, out = BeamSkin(iso_curves(mesh), mesh.vertices, 1 / 60), np.empty_like(mesh.vertices)
+    velocity = np.array([1.0, -2.0, 0.5]) + np.cross([0.3, 2.0, -1.0], mesh.vertices)
+    skin.step(np.zeros_like(mesh.vertices), velocity, out)
+    assert np.abs(skin.lag()).max() < 1e-6
+    skin.step(np.zeros_like(mesh.vertices), mesh.vertices * [1.0, 2.0, 3.0], out)
+    assert np.abs(skin.lag()).max() > 1e-4
 
 
 def test_example_shapes_come_in_as_a_joint_bends() -> None:
