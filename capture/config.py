@@ -77,6 +77,15 @@ class DeviceConfig(_Section):
     """How far they are pitched and rolled after that, degrees; `sixpoint align` finds all three."""
 
 
+class ShowConfig(_Section):
+    """What is shown besides the performer."""
+
+    clip: str = ""
+    """A motion (.bvh, .amc) that the key C, or `clip` over OSC, plays in the performer's place."""
+    osc_port: Annotated[int, Field(ge=0, le=65535)] = 0
+    """The UDP port on which `/sixpoint/act` with `live`, `idle` or `clip` is obeyed; 0 is off."""
+
+
 class OutputConfig(_Section):
     """Where poses go while they are made."""
 
@@ -99,6 +108,7 @@ class SessionConfig(_Section):
     solver: SolverConfig = SolverConfig()
     character: CharacterConfig = CharacterConfig()
     record: RecordConfig = RecordConfig()
+    show: ShowConfig = ShowConfig()
     output: OutputConfig = OutputConfig()
     device: tuple[DeviceConfig, ...] = ()
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from capture.config import SessionConfig
 from capture.latency import LatencyRecorder, latency_table
 from capture.live import OpenDevice, make_pipeline, make_session, open_devices, open_streams, start_recording
+from capture.pipeline import Pipeline
 from capture.progress import progress_bar
 from capture.session import Session
 from devices.errors import FileError
@@ -38,11 +39,12 @@ def solve_live(config: SessionConfig, take: Path | None, seconds: float | None, 
     """Runs a session to its end, recorded where a take is named; gives it back for its figures."""
     _check_take(take)
     with progress_bar("opening the database") as progress:
-        pipeline = make_pipeline(config, skinned=True, progress=progress)
+        pipeline = make_pipeline(config, progress)
     with progress_bar("loading kernels"):
         pipeline.warm_up()
     with (
         open_streams(config, pipeline) as watchers,
+        _obeying(config, pipeline),
         _open(config) as devices,
         _recording(take, config, devices) as recorder,
     ):
@@ -103,6 +105,18 @@ def _watch(session: Session, stop: threading.Event, seconds: float | None, shown
     while not stop.wait(0.05):
         if end is not None and time.monotonic() > end:
             return
+
+
+@contextmanager
+def _obeying(config: SessionConfig, pipeline: Pipeline) -> Iterator[None]:
+    """Listens to what to show, where a port is configured."""
+    if not config.show.osc_port or pipeline.director is None:
+        yield
+        return
+    from capture.remote import listening
+
+    with listening(pipeline.director, config.show.osc_port):
+        yield
 
 
 @contextmanager

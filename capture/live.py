@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from capture.characters import average_pose, cast
 from capture.clock import SessionClock
 from capture.config import DeviceConfig, SessionConfig, commented_config
+from capture.director import make_director
 from capture.library import open_named_database
 from capture.pipeline import Pipeline, Shot
 from capture.session import Session, SessionDevice
@@ -23,6 +24,7 @@ from devices.progress import Progress, no_progress
 from devices.reconnecting import ReconnectingDevice
 from devices.registry import default_smoothing, make_device
 from devices.room import RoomTransform
+from reconstruction.motion_files import read_motion
 from reconstruction.solver import Reconstructor, SolverSettings
 from replay_logs.recorder import TakeRecorder
 from replay_logs.take import RecordedDevice
@@ -81,16 +83,17 @@ def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDev
     return recorder
 
 
-def make_pipeline(config: SessionConfig, skinned: bool, progress: Progress = no_progress) -> Pipeline:
-    """The solver on the configured database and body, and the character on it where it is to be shown."""
+def make_pipeline(config: SessionConfig, progress: Progress = no_progress) -> Pipeline:
+    """The solver on the configured database and body, what is shown when, and the character on it."""
     database = open_named_database(config.database.path, progress)
     who = performer(database, config.performer.height_m, Path(p) if (p := config.performer.profile) else None)
     settings = SolverSettings(method=config.solver.method)
     reconstructor = Reconstructor(database, who.skeleton, settings, mounting=who.mounting)
-    if not skinned:
-        return Pipeline(reconstructor)
+    reference = average_pose(database, who.skeleton)
+    clip = read_motion(config.show.clip) if config.show.clip else None
+    director = make_director(who.skeleton, reference, clip)
     look = config.character
-    return Pipeline(reconstructor, cast(look.mesh, who.skeleton, look.resolution, average_pose(database, who.skeleton)))
+    return Pipeline(reconstructor, cast(look.mesh, who.skeleton, look.resolution, reference), director)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from capture.scene import Camera, Scene
 from capture.session import Session
 from capture.stage import Stage
-from capture.viewing import Layers
+from capture.viewing import Action, Layers
 
 
 class SessionSource:
@@ -52,4 +52,6 @@ def show_session(session: Session, ended: Callable[[], bool]) -> None:
 
     assert session.pipeline is not None
     stage = Stage(session.pipeline.reconstructor.skeleton, session.pipeline.cast)
-    show(SessionSource(session, stage), title="sixpoint live", until=ended)
+    director = session.pipeline.director
+    actions = {"C": Action("the clip, or the performer", director.toggle_clip)} if director else {}
+    show(SessionSource(session, stage), title="sixpoint live", actions=actions, until=ended)

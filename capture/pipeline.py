@@ -1,12 +1,14 @@
 """From the trackers of one moment to a picture's worth: solve the pose, stand the joints, deform the skin."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.characters import Cast
+from capture.director import Act, Director
 from deformation.deformer import DeformedMesh, Deformer
 from devices.frame import TrackerFrame, frozen
 from devices.sample import ROLES
@@ -15,6 +17,8 @@ from reconstruction.motion import Pose
 from reconstruction.solver import Reconstructor, Solution
 
 _WARM_UP_FRAMES = 4
+BOW_S = 0.8
+"""Seconds from the end of a session into idling."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -22,7 +26,7 @@ class Shot:
     """All that is known of one moment.
 
     frame: the trackers; solution: the pose and how far it can be trusted.
-    joints: (J, 4, 4) `T_world_joint` of the performer.
+    joints: (J, 4, 4) `T_world_joint` of the performer, as shown.
     skin: the deformed character, its own copy, or None where nothing is skinned.
     stages_ns: nanoseconds spent by stage.
     """
@@ -37,8 +41,10 @@ class Shot:
 class Pipeline:
     """The stages in their order, one `step` a tracker frame."""
 
-    def __init__(self, reconstructor: Reconstructor, cast: Cast | None = None) -> None:
-        self.reconstructor, self.cast = reconstructor, cast
+    def __init__(
+        self, reconstructor: Reconstructor, cast: Cast | None = None, director: Director | None = None
+    ) -> None:
+        self.reconstructor, self.cast, self.director = reconstructor, cast, director
         self.deformer = Deformer(cast.character) if cast else None
         self._last_s: float | None = None
 
@@ -47,7 +53,7 @@ class Pipeline:
         begin = time.perf_counter_ns()
         solution = self.reconstructor.solve(frame)
         solved = time.perf_counter_ns()
-        pose = solution.pose
+        pose = self.director.shown(solution.pose) if self.director else solution.pose
         joints = frozen(world_transforms(self.reconstructor.skeleton, pose.root_position, pose.rotations))
         stood = time.perf_counter_ns()
         skin = self._skinned(pose, joints, self._elapsed(frame.time_s))
@@ -62,11 +68,26 @@ class Pipeline:
             self.step(TrackerFrame.from_positions(number / 60, dict(zip(ROLES, positions, strict=True))))
         self.reset()
 
+    def bow_out(self, last: Shot, frame_s: float) -> Iterator[Shot]:
+        """From the last shot into idling: the shots of `BOW_S` seconds, made at once. None without a director."""
+        if self.director is None:
+            return
+        self.director.ask(Act.IDLE)
+        for number in range(1, round(BOW_S / frame_s) + 1):
+            time_s = last.frame.time_s + number * frame_s
+            live = last.solution.pose
+            pose = self.director.shown(Pose(time_s, live.root_position, live.rotations))
+            joints = frozen(world_transforms(self.reconstructor.skeleton, pose.root_position, pose.rotations))
+            skin = self._skinned(pose, joints, frame_s)
+            yield replace(last, frame=replace(last.frame, time_s=time_s), joints=joints, skin=skin, stages_ns={})
+
     def reset(self) -> None:
         """Forgets what was before, as at the start of a take."""
         self.reconstructor.reset()
         if self.deformer:
             self.deformer.reset()
+        if self.director:
+            self.director.reset()
         self._last_s = None
 
     def _skinned(self, pose: Pose, joints: NDArray[np.float64], elapsed_s: float) -> DeformedMesh | None:

@@ -61,6 +61,7 @@ class Session:
             while not stop.is_set():
                 self._turn()
             self._keep_and_place(self._arrived(0.0))
+        self._bow_out()
 
     def _turn(self) -> None:
         """One turn of the loop: what arrived is kept and placed, and becomes the shots that are due."""
@@ -73,6 +74,16 @@ class Session:
             self._time(shot)
             for watch in self.watchers:
                 watch(shot)
+
+    def _bow_out(self) -> None:
+        """The last pose goes over into idling, for whoever watches: nobody is left frozen in mid-stride."""
+        if self.pipeline is None or self.latest is None or not self.watchers:
+            return
+        for shot in self.pipeline.bow_out(self.latest, 1 / self.assembler.rate_hz):
+            self.latest = shot
+            for watch in self.watchers:
+                watch(shot)
+            time.sleep(1 / self.assembler.rate_hz)
 
     def _keep_and_place(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:

@@ -26,6 +26,9 @@ class RecordingPipeline:
         self.frames.append(frame)
         return SimpleNamespace(frame=frame, stages_ns={"whole frame": 1000})
 
+    def bow_out(self, last, frame_s):
+        return [SimpleNamespace(frame="bow", stages_ns={})]
+
 
 class ListRecorder:
     """Keeps what it is told, or fails."""
@@ -60,9 +63,9 @@ def test_frames_are_solved_in_order_and_handed_to_the_watchers():
     times = [frame.time_s for frame in pipeline.frames if frame.measured.all()]
     assert len(times) >= 15
     np.testing.assert_allclose(np.diff(times), 1 / 60, atol=1e-6)
-    assert [shot.frame for shot in seen] == pipeline.frames
+    assert [shot.frame for shot in seen] == [*pipeline.frames, "bow"]
     assert running.latest is seen[-1]
-    assert running.solved == len(seen)
+    assert running.solved == len(seen) - 1
 
 
 def test_everything_that_arrives_is_kept():
