@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deformation.beam import BeamSettings, BeamSkin
 from deformation.inbetween_target import turning_way
-from deformation.isocurves import IsoCurves, iso_curves
+from deformation.isocurves import IsoCurves, iso_curves, tubes
 from deformation.isocurves_pairing import paired_quads
 from deformation.mesh import Mesh
 from devices.errors import SettingError
@@ -38,7 +38,7 @@ def inbetween(
         )
     if frames < 1:
         raise SettingError(f"{frames} frames between the poses: use 1 or more")
-    curves = iso_curves(mesh if len(mesh.quads) else paired_quads(mesh)[0])
+    curves = skin_curves(mesh)
     total = (len(poses) - 1) * (frames + 1)
     yield np.array(poses[0])
     for stretch, (start, end) in enumerate(pairwise(poses)):
@@ -46,6 +46,18 @@ def inbetween(
         for number, shape in enumerate(shapes, start=1):
             progress(stretch * (frames + 1) + number, total)
             yield shape
+
+
+def skin_curves(mesh: Mesh) -> IsoCurves:
+    """The curves to bend: the rings of all tubes, or every curve where there are none.
+
+    A curve that runs on from an arm over the trunk into a leg bends with the skeleton, not as skin does; rings bend as
+    skin does. Triangles that pair are taken as quads.
+    """
+    quads = mesh if len(mesh.quads) else paired_quads(mesh)[0]
+    curves = iso_curves(quads)
+    rings = tubes(quads, curves)
+    return curves.only(rings.curves) if len(rings) else curves
 
 
 def _stretch(

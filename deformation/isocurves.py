@@ -38,6 +38,15 @@ class IsoCurves:
         """(n,) the vertices of one curve in order."""
         return self.vertices[self.starts[number] : self.starts[number + 1]]
 
+    def only(self, numbers: NDArray[np.int32]) -> "IsoCurves":
+        """Some of the curves, in that order; sides of quads on others have curve -1."""
+        chosen = [self.curve(int(number)) for number in numbers]
+        new = np.full(len(self) + 1, -1, np.int32)
+        new[numbers] = np.arange(len(numbers))
+        starts = np.cumsum([0, *map(len, chosen)], dtype=np.int32)
+        vertices = np.concatenate([np.empty(0, np.int32), *chosen])
+        return IsoCurves(frozen(vertices), frozen(starts), frozen(self.closed[numbers]), frozen(new[self.edges]))
+
 
 @dataclass(frozen=True, eq=False)
 class Tubes:

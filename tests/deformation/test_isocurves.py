@@ -117,3 +117,14 @@ def test_a_person_has_tubes_for_limbs_and_trunk() -> None:
     found = tubes(mesh, curves)
     rings = sorted(len(found.tube(n)) for n in range(len(found)))
     assert rings[-4] > 15
+
+
+def test_some_of_the_curves_are_themselves() -> None:
+    mesh = cylinder(8, 9)
+    curves = iso_curves(mesh)
+    rings = tubes(mesh, curves).tube(0)
+    some = curves.only(rings)
+    assert some.closed.all()
+    for new, old in enumerate(rings):
+        assert np.array_equal(some.curve(new), curves.curve(int(old)))
+        assert np.array_equal(np.flatnonzero(some.edges == new), np.flatnonzero(curves.edges == old))
