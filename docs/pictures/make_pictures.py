@@ -18,6 +18,7 @@ from capture.scene import LATTICE, Camera, Lines, Scene, Surface, ghost_marks, s
 from deformation.character import Character, mannequin_character
 from deformation.deformer import Deformer
 from deformation.lattice import CORNERS
+from deformation.mannequin import mannequin_colours
 from devices.frame import TrackerFrame
 from devices.sample import ROLES
 from reconstruction.baselines.neighbourhood import own_history
@@ -83,17 +84,17 @@ def main() -> None:
         moments.append(Moment(frame, solution, predictor.past, predictor.said.rows))
     character = mannequin_character(solver.skeleton, "medium", moments[0].solution.pose)
     moment = moments[round(MOMENT_S * FPS)]
-    save(contact_sheet([skinned(character, moments, s) for s in SHOWN_S]), "demo.png")
-    save(contact_sheet(stages(character, moments)), "stages.png")
-    save(neighbours(database, moment), "neighbours.png")
-    save(headings(database), "heading.png")
+    save(contact_sheet([skinned(character, moments, s) for s in SHOWN_S]), "demo.jpg")
+    save(contact_sheet(stages(character, moments)), "stages.jpg")
+    save(neighbours(database, moment), "neighbours.jpg")
+    save(headings(database), "heading.jpg")
     regression(database, moment)
     dropout(database, frames)
 
 
 def save(image: NDArray[np.uint8], name: str) -> None:
-    """With 192 colours: a third of the size, and no difference to see."""
-    Image.fromarray(image).quantize(192, method=Image.Quantize.MEDIANCUT).save(HERE / name, optimize=True)
+    """As JPEG: small, and without bands in the sky."""
+    Image.fromarray(image).save(HERE / name, quality=88, optimize=True)
 
 
 def joints_of(character: Character, pose: Pose) -> NDArray[np.float64]:
@@ -115,7 +116,8 @@ def skin_at(character: Character, moments: Sequence[Moment], second: float) -> t
     for moment in moments[max(0, now - 30) : now]:
         deformer.deform(joints_of(character, moment.solution.pose), 1 / FPS)
     shown = deformer.deform(joints_of(character, moments[now].solution.pose), 1 / FPS)
-    return Surface(shown.vertices, character.mesh.triangulated, shown.normals), shown.particles
+    colours = mannequin_colours(character.mesh)
+    return Surface(shown.vertices, character.mesh.triangulated, shown.normals, colours), shown.particles
 
 
 def skinned(character: Character, moments: Sequence[Moment], second: float) -> NDArray[np.uint8]:
