@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deformation.beam import BeamSettings, BeamSkin, deforming_reference, fourth_difference, spacings
-from deformation.inbetween import ExampleShape, PoseDrivenShapes, ease, inbetween
+from deformation.inbetween import ExampleShape, PoseDrivenShapes, ease, inbetween, skin_curves
 from deformation.inbetween_target import turning_way
 from deformation.isocurves import IsoCurves, iso_curves
 from devices.errors import SettingError
@@ -157,6 +157,18 @@ def test_ease_is_at_rest_at_both_ends() -> None:
     assert [ease(x) for x in (0.0, 0.5, 1.0)] == [0.0, 0.5, 1.0]
     assert ease(0.01) < 1e-4
     assert 1 - ease(0.99) < 1e-4
+
+
+def test_what_bends_as_skin_are_rings_around_limbs() -> None:
+    mesh = cylinder(12, 15)
+    rings, shown = skin_curves(mesh)
+    assert rings.closed.all()
+    assert len(rings) == 13
+    assert shown.max() == 1
+    np.testing.assert_array_equal(shown[:12], 0)
+    # On a torus the short way round is the ring, though the long one closes too.
+    around = skin_curves(torus(6, 20))[0]
+    assert set(np.diff(around.starts)) == {6}
 
 
 def test_rigid_motion_leaves_no_lag() -> None:
