@@ -19,6 +19,9 @@ _NARROWEST_TO_WRIST = 0.012
 _NARROWEST_TO_KNEE = 0.012
 """The leg is narrowest that share of stature under the knee's joint."""
 
+_ARMPIT_MOVES = 0.03
+"""The most that an arm's usual length may shift its shoulder joint, as a share of stature."""
+
 _SHOULDER_OVER_ARMPIT = 0.076
 """The shoulder joint's greatest height over the armpit as a share of stature."""
 
@@ -81,7 +84,7 @@ def _arm(
     stature, name = body.height, f"{side}_hand"
     reach = float(body.fields[name][_vertex_at(body, armpit)])
     line = line_of(name, reach)
-    shoulder = _above_armpit(body, line, reach, armpit)
+    shoulder = _above_armpit(body, line, reach, armpit, template)
     whole = float(np.linalg.norm(shoulder - line.at(0.75 * line.length))) + 0.75 * line.length
     narrow = line.narrowest(0.15 * whole, 0.38 * whole) - _NARROWEST_TO_WRIST * stature
     wrist_arc = (narrow + template.hand * whole) / 2
@@ -96,16 +99,22 @@ def _arm(
 
 
 def _above_armpit(
-    body: Extremities, line: CentreLine, reach: float, armpit: NDArray[np.float64]
+    body: Extremities, line: CentreLine, reach: float, armpit: NDArray[np.float64], template: HumanTemplate
 ) -> NDArray[np.float64]:
-    """The upper arm's axis continued to the sagittal plane through the armpit, as in published measurements of it."""
+    """The upper arm's axis continued to the sagittal plane through the armpit, or nearer to an arm's usual length.
+
+    The armpit's fold moves as the arm is raised, by up to a hand's breadth; the arm's length does not.
+    """
     middle, direction = line.axis(0.74 * reach, 0.92 * reach)
     across = direction[0]
     step = (armpit[0] - middle[0]) / across if abs(across) > 0.2 else np.inf
     top = armpit[1] + _SHOULDER_OVER_ARMPIT * body.height
     if middle[1] + step * direction[1] > top or not np.isfinite(step):
         step = (top - middle[1]) / direction[1]
-    return middle + step * direction
+    place = middle + step * direction
+    length = 0.75 * line.length + float(np.linalg.norm(place - line.at(0.75 * line.length)))
+    most = _ARMPIT_MOVES * body.height
+    return place - np.clip((template.arm * body.height - length) / 2, -most, most) * direction
 
 
 def _middle_joint(

@@ -12,7 +12,8 @@ class HumanTemplate:
     """Shares of lengths that the mesh gives; see `auto_rig_human` for which cue each joins.
 
     hip_between: hip joint's height from crotch to shoulder; hip_to_shoulder, hip_to_stature: from the floor to those.
-    knee, elbow: along hip-ankle and shoulder-wrist. hand: wrist to finger tip along the arm; ankle_height: of stature.
+    knee, elbow: along hip-ankle and shoulder-wrist. hand: wrist to finger tip along the arm; arm (shoulder to
+    finger tip), ankle_height: of stature.
     spine: along hips-neck; clavicle: along breast bone-shoulder; head: along neck-crown; toes: along ankle-toe tip.
     """
 
@@ -22,6 +23,7 @@ class HumanTemplate:
     knee: float = 0.489
     elbow: float = 0.56
     hand: float = 0.245
+    arm: float = 0.44
     ankle_height: float = 0.039
     spine: tuple[float, float, float] = (0.18, 0.41, 0.67)
     clavicle: float = 0.155
