@@ -16,6 +16,7 @@ from capture.commands.devices import align, devices, doctor, simulate
 from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
 from capture.commands.replay import replay
+from capture.commands.rig import inbetween, rig
 from capture.commands.stream import stream
 from devices.errors import SixpointError
 
@@ -35,7 +36,7 @@ def _group(name: str, meaning: str, commands: list[tuple[str, Callable[..., None
     app.add_typer(group, name=name)
 
 
-_COMMANDS = (demo, replay, live, record, calibrate, reconstruct, deform, transition.transition, stream)
+_COMMANDS = (demo, replay, live, record, calibrate, reconstruct, deform, rig, inbetween, transition.transition, stream)
 _DEVICE_COMMANDS = (devices, doctor, align, simulate)
 for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)

@@ -101,7 +101,7 @@ class PoseEasing:
     def eased(self, pose: Pose) -> Pose:
         """The pose to show for a solved one."""
         if self._changed and self._shown is not None:
-            self._begun_s = self._shown.time_s
+            self._begun_s = pose.time_s
             self._shift = self._shown.root_position - pose.root_position
             self._turn = logarithm(multiply(inverse(pose.rotations), self._shown.rotations))
         self._changed = False
