@@ -49,7 +49,12 @@ _group(
 _group(
     "bench",
     "The speeds, measured here and now.",
-    [("reconstruct", bench_reconstruct.reconstruct), ("deform", bench.deform), ("live", bench.live)],
+    [
+        ("reconstruct", bench_reconstruct.reconstruct),
+        ("deform", bench.deform),
+        ("rig", bench.rig),
+        ("live", bench.live),
+    ],
 )
 _group("config", "The session's settings.", [("init", config.init), ("check", config.check)])
 

@@ -24,6 +24,19 @@ def deform(
         Console(width=150).print(table(rows))
 
 
+def rig(as_json: AsJson = False) -> None:
+    """Measure curves, centres and beams at the rigging paper's two sizes, beside its Table 1."""
+    from rich.console import Console
+
+    from capture.rig_benchmark import benchmark, table
+
+    rows = benchmark()
+    if as_json:
+        print(json.dumps(rows))
+    else:
+        Console(width=150).print(table(rows))
+
+
 def live(
     seconds: Annotated[float, typer.Option(min=2, help="How long to run.")] = 60.0,
     database: Database = "library",

@@ -1,17 +1,14 @@
-"""The rigging paper's Table 1 beside ours: `python -m tests.benchmarks.bench_rig [--json]`.
+"""The rigging paper's Table 1 beside ours: `sixpoint bench rig`.
 
 Milliseconds, medians of one thread on our mannequin at about the paper's two sizes; compilation and the making of the
 mesh are told apart. `rig` is the whole of `rig_mesh`: distances, slices and names too, which have no column there.
 """
 
-import argparse
-import json
 import statistics
 import time
 from collections.abc import Callable
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from deformation.auto_rig import rig_mesh
@@ -81,18 +78,3 @@ def table(rows: list[dict]) -> Table:
             f"{row['mesh_s']:.1f}",
         )
     return view
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
-    rows = benchmark()
-    if arguments.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        Console(width=130).print(table(rows))
-
-
-if __name__ == "__main__":
-    main()
