@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from devices.frame import TrackerFrame, TrackerState
 from devices.sample import ROLES
 from reconstruction.motion import Pose
-from reconstruction.rotations import exponential, inverse, logarithm, multiply
+from reconstruction.transition.live import LiveTransition
+from reconstruction.transition.timing import TimeBounds
 
 
 class Footing(IntEnum):
@@ -80,10 +81,17 @@ class OrientationGate:
         return np.where((np.fmax(self._mean, angles) < self.PLAUSIBLE_RAD)[:, None], orientations, np.nan)
 
 
-class PoseEasing:
-    """Shows a solver's change of mind as a quick movement: the difference to the last shown pose fades out."""
+_BOUNDS = TimeBounds(0.5, 0.8)
+_LONGEST_STEP_S = 1 / 30
+"""A pose shown long ago, before a hold, counts as shown just now."""
 
-    DURATION_S = 0.5
+
+class PoseEasing:
+    """Shows a solver's change of mind, or its return after a hold, as a transition towards the moving pose.
+
+    The machinery is that of the transition paper (`transition.live`): what differs fades within the time that the
+    farthest joint needs.
+    """
 
     def __init__(self) -> None:
         self.reset()
@@ -91,7 +99,7 @@ class PoseEasing:
     def reset(self) -> None:
         """Poses are shown as they are."""
         self._shown: Pose | None = None
-        self._begun_s: float | None = None
+        self._way: LiveTransition | None = None
         self._changed = False
 
     def begin(self) -> None:
@@ -101,22 +109,18 @@ class PoseEasing:
     def eased(self, pose: Pose) -> Pose:
         """The pose to show for a solved one."""
         if self._changed and self._shown is not None:
-            self._begun_s = pose.time_s
-            self._shift = self._shown.root_position - pose.root_position
-            self._turn = logarithm(multiply(inverse(pose.rotations), self._shown.rotations))
+            self._way = LiveTransition(self._shown, None, pose, _BOUNDS)
         self._changed = False
-        self._shown = self._between(pose)
+        self._shown = self._stepped(pose)
         return self._shown
 
-    def _between(self, pose: Pose) -> Pose:
-        if self._begun_s is None:
+    def _stepped(self, pose: Pose) -> Pose:
+        if self._way is None or self._shown is None:
             return pose
-        left = float(_remaining((pose.time_s - self._begun_s) / self.DURATION_S))
-        if left == 0:
-            self._begun_s = None
-            return pose
-        rotations = multiply(pose.rotations, exponential(left * self._turn))
-        return Pose(pose.time_s, pose.root_position + left * self._shift, rotations)
+        shown = self._way.step(min(pose.time_s - self._shown.time_s, _LONGEST_STEP_S), pose)
+        if self._way.done:
+            self._way = None
+        return shown
 
 
 class NoiseMeter:
