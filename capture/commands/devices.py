@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from devices.simulators.pty_simulator import PtySimulator
+    from devices.simulators.paced_simulator import PacedSimulator
     from devices.simulators.source import SimulatedMotion
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print as JSON.")]
@@ -196,26 +196,32 @@ def simulate(
 ) -> None:
     """Be a tracker device: a motion's tracker positions as the device's bytes on a pseudo-terminal.
 
-    Prints the port to open, and begins when it is opened.
+    A HID device is made through Linux's /dev/uhid instead, which mostly takes root; `--port` and `--garbage` are for
+    serial devices. Prints the port to open, and begins when it is opened.
     """
     from devices.errors import SettingError
     from devices.protocols import make_protocol, option_from_text
     from devices.sample import ROLES
     from devices.simulators.pty_simulator import PtySimulator
     from devices.simulators.source import Faults, measurements
+    from devices.simulators.uhid_simulator import UhidSimulator, identity_of
 
     options = dict(option_from_text(device, text) for text in option or ())
     chosen = make_protocol(device, **options)
-    if chosen.link == "hid":
-        raise SettingError(
-            f"device {device} is a HID device: only serial devices have a pseudo-terminal to be simulated on"
-        )
+    hid = chosen.link == "hid"
+    if hid and (port or garbage):
+        raise SettingError(f"device {device} is a HID device: --port and --garbage are for serial devices")
     rate_hz = rate or chosen.rate_hz
     roles = tuple(role.strip() for role in trackers.split(",")) if trackers else ROLES[: chosen.max_trackers]
     measured = _trackers_of(motion, roles, rate_hz)
     faults = Faults(noise_m=noise_mm / 1000, dropout=dropout, seed=seed)
     source = measurements(measured, rate_hz, faults, loop)
-    with PtySimulator(chosen.simulator(roles), source, garbage=garbage, link=port, seed=seed) as simulator:
+    simulated = chosen.simulator(roles)
+    with (
+        UhidSimulator(simulated, source, identity_of(chosen))
+        if hid
+        else PtySimulator(simulated, source, garbage=garbage, link=port, seed=seed)
+    ) as simulator:
         print(port or simulator.path, flush=True)
         _play(simulator, unplug_at, replug_after)
         # The host still has to read what lies in the port.
@@ -223,7 +229,7 @@ def simulate(
     print(f"{simulator.samples_sent} samples, {simulator.bytes_sent} bytes sent")
 
 
-def _play(simulator: "PtySimulator", unplug_at: float | None, replug_after: float) -> None:
+def _play(simulator: "PacedSimulator", unplug_at: float | None, replug_after: float) -> None:
     """Until the motion ends, with the cable pulled and put back on the way."""
     simulator.started.wait()
     if unplug_at is not None and not simulator.finished.wait(unplug_at):

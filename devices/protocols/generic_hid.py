@@ -25,9 +25,6 @@ from devices.protocols.generic_records import (
 from devices.protocols.protocol import DeviceProtocol, GetFeature, HidMatch, Script, SendFeature, SimulatedDevice
 from devices.sample import TrackerSample
 
-REPORT_DESCRIPTOR = bytes.fromhex("0600ff0901a101150026ff0075088501951f09028102850295330903b102850395030903b102c0")
-"""What a device of this kind tells the host of its reports."""
-
 
 @dataclass
 class GenericHid(DeviceProtocol):
@@ -37,6 +34,9 @@ class GenericHid(DeviceProtocol):
     title: ClassVar[str] = "Generic HID reports"
     link: ClassVar[Literal["serial", "hid"]] = "hid"
     hid: ClassVar[tuple[HidMatch, ...]] = (HidMatch(usage_page=0xFF00, usage=1, report_size=SAMPLE.size),)
+    report_descriptor: ClassVar[bytes] = bytes.fromhex(
+        "0600ff0901a101150026ff0075088501951f09028102850295330903b102850395030903b102c0"
+    )
     rate_hz: ClassVar[float] = 100.0
     max_trackers: ClassVar[int] = 255
 

@@ -62,6 +62,7 @@ class Hydra(DeviceProtocol):
     title: ClassVar[str] = "Razer Hydra"
     link: ClassVar[Literal["serial", "hid"]] = "hid"
     hid: ClassVar[tuple[HidMatch, ...]] = (HidMatch(0x1532, 0x0300, interface=0, report_size=REPORT_SIZE),)
+    report_descriptor: ClassVar[bytes] = bytes.fromhex("05010900a1010903150026ff00350046ff00750895348102c0")
     rate_hz: ClassVar[float] = 250.0
     max_trackers: ClassVar[int] = 2
     checked: ClassVar[str] = "one report of a real unit, documents and simulator"

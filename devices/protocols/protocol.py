@@ -165,6 +165,8 @@ class DeviceProtocol(ABC):
     link: ClassVar[Literal["serial", "hid"]] = "serial"
     serial: ClassVar[SerialFormat] = SerialFormat()
     hid: ClassVar[tuple[HidMatch, ...]] = ()
+    report_descriptor: ClassVar[bytes] = b""
+    """What a HID device tells the host of its reports: for simulators, the driver does not look at it."""
     rate_hz: ClassVar[float] = 60.0
     """Usual samples a second of each tracker: the simulator's default and the doctor's expectation."""
     max_trackers: ClassVar[int] = 6

@@ -39,6 +39,8 @@ class ViveUltimate(DeviceProtocol):
     title: ClassVar[str] = "HTC VIVE Ultimate dongle (experimental)"
     link: ClassVar[Literal["serial", "hid"]] = "hid"
     hid: ClassVar[tuple[HidMatch, ...]] = (HidMatch(0x0BB4, 0x0350, interface=0, report_size=REPORT_SIZE),)
+    # The real one is not known here: 64 bytes in, without an ID, on a vendor's page that no other protocol asks for.
+    report_descriptor: ClassVar[bytes] = bytes.fromhex("0601ff0901a101150026ff007508954009028102c0")
     rate_hz: ClassVar[float] = 60.0
     max_trackers: ClassVar[int] = 5
     filters_itself: ClassVar[bool] = True

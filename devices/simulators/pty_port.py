@@ -22,8 +22,8 @@ class PtyPort:
         self.path = ""
         self.plug()
 
-    def plug(self) -> str:
-        """Makes the port appear, under a name of the system's choosing, which is returned."""
+    def plug(self) -> None:
+        """Makes the port appear, under a name of the system's choosing."""
         self.unplug()
         try:
             import tty
@@ -40,7 +40,6 @@ class PtyPort:
         os.close(slave)
         os.set_blocking(self._master, False)
         self._point_link()
-        return self.path
 
     def unplug(self) -> None:
         """Makes the port vanish under the host's hands."""

@@ -3,18 +3,22 @@
 import json
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 
 from capture.commands.devices import devices, doctor, simulate
 from devices.errors import DeviceError, FileError, SettingError
-from devices.protocols import protocols
+from devices.linked_device import LinkedDevice
+from devices.protocols import make_protocol, protocols
 from devices.registry import make_device
 from devices.sample import ROLES, TrackerSample
+from devices.simulators import uhid_port, uhid_simulator
 from replay_logs.csv_tracks import write_tracks_csv
 from replay_logs.frames import load_frames
 from replay_logs.golden_takes import FOLDER, walking_on_the_spot
+from tests.devices.uhid_kernel import FakeKernel
 
 
 @pytest.fixture
@@ -81,13 +85,41 @@ def test_the_doctor_measures_a_simulated_device(tracks, tmp_path, capsys):
     assert report["smoothing_lag_ms"]["2.0"] < report["smoothing_lag_ms"]["0.1"]
 
 
+def test_a_hid_device_is_played_to_the_kernel(tracks, tmp_path, monkeypatch, capsys):
+    kernel = FakeKernel(tmp_path)
+    through_fake = partial(uhid_simulator.UhidSimulator, open_descriptor=kernel.descriptor, nodes=kernel.nodes)
+    monkeypatch.setattr(uhid_simulator, "UhidSimulator", through_fake)
+    options = {"device": "generic-hid", "trackers": "left_wrist,right_wrist"}
+    player = threading.Thread(target=simulate, args=(tracks,), kwargs=options, daemon=True)
+    player.start()
+    end = time.perf_counter() + 20
+    while not kernel.ready and time.perf_counter() < end:
+        time.sleep(0.02)
+    device = LinkedDevice("generic-hid", kernel, make_protocol("generic-hid"))
+    device.open()
+    heard = {sample.tracker for _ in range(50) for sample in device.read(0.05).samples}
+    player.join(20)
+    assert not player.is_alive()
+    kernel.end()
+    assert heard == {"1", "2"}
+    said = capsys.readouterr().out.split()
+    assert (said[0], said[2]) == ("/dev/hidraw7", "samples,")
+    assert int(said[1]) > 100
+
+
+def test_a_machine_without_uhid_refuses_hid_devices_in_one_line(tracks, tmp_path, monkeypatch):
+    monkeypatch.setattr(uhid_port, "UHID", tmp_path / "uhid")
+    with pytest.raises(DeviceError, match="try sudo modprobe uhid"):
+        simulate(tracks, device="hydra")
+
+
 def test_wrong_arguments_are_one_line_each(tracks, tmp_path):
     with pytest.raises(SettingError, match="unknown tracker role 'hand'"):
         simulate(tracks, trackers="hand")
     with pytest.raises(SettingError, match="unknown device"):
         simulate(tracks, device="wand")
-    with pytest.raises(SettingError, match="hydra is a HID device"):
-        simulate(tracks, device="hydra")
+    with pytest.raises(SettingError, match="hydra is a HID device: --port"):
+        simulate(tracks, device="hydra", port=tmp_path / "port")
     with pytest.raises(FileError, match="simulate takes"):
         simulate(tmp_path / "motion.txt")
     with pytest.raises(DeviceError, match="does not exist"):

@@ -11,16 +11,15 @@ from pathlib import Path
 import pytest
 
 from devices.protocols import make_protocol
-from devices.protocols.generic_hid import REPORT_DESCRIPTOR as GENERIC_DESCRIPTOR
+from devices.protocols.generic_hid import GenericHid
 from devices.protocols.generic_records import COMMAND, COMMAND_TYPE, INFO_TYPE, START
-from devices.protocols.hydra import mode_report
+from devices.protocols.hydra import Hydra, mode_report
 from devices.simulators.source import measurements
 from tests.devices.motions import waving
 
 pytestmark = pytest.mark.skipif(shutil.which("umockdev-run") is None, reason="umockdev-run is not installed")
 
 ROOT = Path(__file__).parents[2]
-HYDRA_DESCRIPTOR = bytes.fromhex("05010900a1010903150026ff00350046ff007508953481 02c0")
 NODE = "/dev/hidraw0"
 
 READ = """
@@ -112,7 +111,7 @@ def check(read: list, told: list, tolerance_m: float) -> None:
 def test_the_hydra_is_found_switched_to_motion_and_read(tmp_path):
     told, reports = told_and_reports("hydra", 2, cycles=30)
     motion = mode_report(motion=True).hex().upper()
-    hydra = Described(0x1532, 0x0300, "Razer Hydra", HYDRA_DESCRIPTOR, (f"HIDIOCSFEATURE 91 {motion}",))
+    hydra = Described(0x1532, 0x0300, "Razer Hydra", Hydra.report_descriptor, (f"HIDIOCSFEATURE 91 {motion}",))
     # The first report comes after start-up has listened in vain for a second and sent the feature report, and is used
     # up by finding that this has worked.
     read = read_through_hidraw(tmp_path, hydra, script(reports, first_after_ms=1100), "hydra", len(told) - 2)
@@ -129,7 +128,7 @@ def test_a_generic_hid_device_is_found_by_its_reports_and_read(tmp_path):
         0x1209,
         0x0001,
         "diy trackers",
-        GENERIC_DESCRIPTOR,
+        GenericHid.report_descriptor,
         (f"HIDIOCGFEATURE 52 {info.hex().upper()}", f"HIDIOCSFEATURE {len(start)} {start.hex().upper()}"),
     )
     read = read_through_hidraw(tmp_path, device, script(reports, first_after_ms=20), "generic-hid", len(told))
