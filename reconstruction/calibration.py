@@ -111,7 +111,7 @@ def calibrate(
     frames: Sequence[TrackerFrame],
     database: MotionDatabase,
     stature_m: float | None = None,
-    rounds: int = 4,
+    rounds: int = 10,
     progress: Progress = no_progress,
 ) -> Profile:
     """The performer's profile from frames one database period apart of a T-pose and some seconds of free movement.
