@@ -37,7 +37,7 @@ class SolverConfig(_Section):
     """How poses are solved."""
 
     rate_hz: Annotated[float, Field(ge=10, le=240)] = 60.0
-    """Poses a second."""
+    """Poses a second; as many as the database has."""
     latency_ms: Annotated[float, Field(ge=0, le=200)] = 25.0
     """How long a frame waits for late samples before it is put together, in milliseconds."""
     method: Literal["default", "paper"] = "default"

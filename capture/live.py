@@ -17,7 +17,7 @@ from capture.session import Session, SessionDevice
 from capture.solving import performer
 from capture.streaming import open_stream
 from devices.assembler import FrameAssembler
-from devices.errors import DeviceError
+from devices.errors import DeviceError, SettingError
 from devices.filters import OneEuroSettings
 from devices.intake import IDENTITY_ASSIGNMENT
 from devices.progress import Progress, no_progress
@@ -86,6 +86,11 @@ def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDev
 def make_pipeline(config: SessionConfig, progress: Progress = no_progress) -> Pipeline:
     """The solver on the configured database and body, what is shown when, and the character on it."""
     database = open_named_database(config.database.path, progress)
+    if abs(config.solver.rate_hz - database.fps) > 0.01:
+        raise SettingError(
+            f"solver.rate_hz is {config.solver.rate_hz:g}, but the database has {database.fps:g} poses a second:"
+            " set it to that, or build the database with --fps"
+        )
     who = performer(database, config.performer.height_m, Path(p) if (p := config.performer.profile) else None)
     settings = SolverSettings(method=config.solver.method)
     reconstructor = Reconstructor(database, who.skeleton, settings, mounting=who.mounting)

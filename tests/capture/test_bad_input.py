@@ -116,3 +116,10 @@ def test_a_device_nobody_knows(run, tmp_path):
     status, _, err = run("record", "--device", "kinect", "--port", "x", "--out", tmp_path / "t.mcap")
     assert status == 2
     assert "fastrak" in one_line(err)
+
+
+def test_a_rate_that_the_database_does_not_have(run, database, tmp_path):
+    (tmp_path / "session.toml").write_text(f'[database]\npath = "{database}"\n[solver]\nrate_hz = 90\n')
+    status, _, err = run("live", tmp_path / "session.toml", "--no-window", "--seconds", 1)
+    assert status == 2
+    assert "rate_hz is 90" in one_line(err)
