@@ -25,8 +25,10 @@ def test_a_setting_changes_when_it_is_applied_and_not_before():
     box = _Box()
     tuning = box.tuning()
     tuning.ask("character.delta", 0.7)
-    assert box.delta == 0.5 and tuning.value("character.delta") == 0.7
-    assert tuning.apply() == {"character.delta": 0.7} and box.delta == 0.7
+    assert box.delta == 0.5
+    assert tuning.value("character.delta") == 0.7
+    assert tuning.apply() == {"character.delta": 0.7}
+    assert box.delta == 0.7
     assert tuning.apply() == {}
 
 
