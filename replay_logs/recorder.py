@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from devices.driver import Reading
 from devices.errors import FileError, SettingError
 from devices.sample import TrackerSample
-from replay_logs.take import METADATA_NAME, RAW_ENCODING, RecordedDevice
+from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, RecordedDevice
 
 _FLUSH_EVERY_NS = 200_000_000
 _NUMBER = {"type": "number"}
@@ -37,6 +37,21 @@ POSE_SCHEMA = {
         ),
     ),
 }
+
+LOG_SCHEMA = {
+    "$comment": "The JSON form of Foxglove's Log, docs.foxglove.dev/docs/sdk/schemas/log.",
+    "title": "foxglove.Log",
+    **_object(
+        timestamp=_TIME,
+        level={"type": "integer"},
+        message={"type": "string"},
+        name={"type": "string"},
+        file={"type": "string"},
+        line={"type": "integer"},
+    ),
+}
+_INFO = 2
+"""`foxglove.LogLevel` of what is told, no warning."""
 
 
 class TakeRecorder:
@@ -62,6 +77,7 @@ class TakeRecorder:
         )
         self._raw: dict[str, int] = {}
         self._poses: dict[tuple[str, str], int] = {}
+        self._marks: int | None = None
         self._flushed_ns: int | None = None
         self._failed = False
 
@@ -85,6 +101,14 @@ class TakeRecorder:
                     self._writer.add_message(channel, sample.host_time_ns, data, sample.host_time_ns)
         if reading.chunks:
             self._flush_when_due(reading.chunks[-1].host_time_ns)
+
+    def mark(self, time_ns: int, text: str) -> None:
+        """Notes that something was at that host time, on the thread that writes. Raises FileError as `write` does."""
+        with self._told():
+            if self._marks is None:
+                schema = self._writer.register_schema("foxglove.Log", "jsonschema", json.dumps(LOG_SCHEMA).encode())
+                self._marks = self._writer.register_channel(MARKS_TOPIC, "json", schema)
+            self._writer.add_message(self._marks, time_ns, mark_message(time_ns, text), time_ns)
 
     def flush(self) -> None:
         """Hands everything so far to the operating system. Raises FileError as `write` does."""
@@ -142,6 +166,15 @@ def pose_message(frame: str, sample: TrackerSample) -> bytes:
         f'{{"timestamp":{{"sec":{sec},"nsec":{nsec}}},"frame_id":{json.dumps(frame)},'
         f'"pose":{{"position":{{"x":{x:.6f},"y":{y:.6f},"z":{z:.6f}}},'
         f'"orientation":{{"x":{qx:.6f},"y":{qy:.6f},"z":{qz:.6f},"w":{qw:.6f}}}}}}}'
+    ).encode()
+
+
+def mark_message(time_ns: int, text: str) -> bytes:
+    """A mark as a `foxglove.Log` JSON message."""
+    sec, nsec = divmod(time_ns, 1_000_000_000)
+    stamp = {"sec": sec, "nsec": nsec}
+    return json.dumps(
+        {"timestamp": stamp, "level": _INFO, "message": text, "name": "mark", "file": "", "line": 0}
     ).encode()
 
 

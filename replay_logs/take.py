@@ -10,7 +10,7 @@ import json
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO
@@ -35,6 +35,7 @@ from devices.sample import TrackerSample
 
 METADATA_NAME = "sixpoint"
 RAW_ENCODING = "x-sixpoint-raw"
+MARKS_TOPIC = "/marks"
 _RECORD_HEAD = struct.Struct("<BQ")
 
 
@@ -92,6 +93,14 @@ class RecordedDevice:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A moment that somebody noted while recording. time_ns: host time."""
+
+    time_ns: int
+    text: str
+
+
 @dataclass(frozen=True)
 class Take:
     """A take in memory.
@@ -99,6 +108,7 @@ class Take:
     chunks: by device name, in time order; an empty chunk marks where a device was opened, the first time or again.
     metadata: the `sixpoint` record: version, created, session, calibration, ... as text.
     missing: what of the take could not be read, in words, or None where it is whole.
+    marks: in the order they were made.
     """
 
     path: Path
@@ -106,6 +116,7 @@ class Take:
     chunks: Mapping[str, tuple[RawChunk, ...]]
     metadata: Mapping[str, str]
     missing: str | None = None
+    marks: tuple[Mark, ...] = ()
 
     def samples(self, device: RecordedDevice) -> Iterator[TrackerSample]:
         """One device's samples, as its driver gave them live."""
@@ -195,26 +206,41 @@ def _assemble(path: Path, records: _Records) -> Take:
     devices: dict[int, RecordedDevice] = {}
     chunks: dict[str, list[RawChunk]] = {}
     metadata: dict[str, str] = {}
+    marks: list[Mark] = []
+    mark_channels: set[int] = set()
     for record in records:
         if isinstance(record, Message) and record.channel_id in devices:
             chunks[devices[record.channel_id].name].append(RawChunk(record.log_time, bytes(record.data)))
         elif isinstance(record, Channel) and record.message_encoding == RAW_ENCODING and record.id not in devices:
             devices[record.id] = _device(path, record)
             chunks.setdefault(devices[record.id].name, [])
+        elif isinstance(record, Message) and record.channel_id in mark_channels:
+            marks.append(_mark(record))
+        elif isinstance(record, Channel) and record.topic == MARKS_TOPIC:
+            mark_channels.add(record.id)
         elif isinstance(record, Metadata) and record.name == METADATA_NAME:
             metadata.update(record.metadata)
     if not any(chunks.values()):
         broken = f"; it is cut off at byte {records.broken_at}, before its first data" if records.broken_at else ""
         raise FileError(f"{path}: no device's bytes in it{broken}")
     held = {name: tuple(found) for name, found in chunks.items()}
-    take = Take(path, tuple(devices.values()), held, metadata)
+    take = Take(path, tuple(devices.values()), held, metadata, None, tuple(marks))
     if records.broken_at is None:
         return take
     missing = (
         f"{path}: cut off or damaged at byte {records.broken_at}: read up to the last whole chunk before it, "
         f"{take.duration_s:.2f} s; what may have come after is missing"
     )
-    return Take(path, take.devices, held, metadata, missing)
+    return replace(take, missing=missing)
+
+
+def _mark(message: Message) -> Mark:
+    """A mark; one that is not as we write it is kept with what text there is."""
+    try:
+        text = str(json.loads(message.data)["message"])
+    except (ValueError, KeyError, TypeError):
+        text = message.data.decode(errors="replace")
+    return Mark(message.log_time, text)
 
 
 def _device(path: Path, channel: Channel) -> RecordedDevice:

@@ -16,9 +16,9 @@ from devices.room import RoomTransform
 from devices.sample import ROLES, TrackerSample
 from replay_logs.player import TakePlayer, players
 from replay_logs.recorder import TakeRecorder
-from replay_logs.take import RecordedDevice, Take, read_take
+from replay_logs.take import Mark, RecordedDevice, Take, read_take
 from tests.devices.motions import waving
-from tests.replay_logs.recordings import read_out, record_simulated
+from tests.replay_logs.recordings import START_NS, read_out, record_simulated
 
 DEVICE = RecordedDevice(
     "suit", "generic", {"axes": "FLU"}, {"1": "head"}, RoomTransform((0.0, 0.6, 0.0, 0.8), (1.0, 0.0, -2.0)),
@@ -67,6 +67,21 @@ def test_other_tools_find_poses_in_it(tmp_path):
     assert pose["timestamp"]["sec"] * 10**9 + pose["timestamp"]["nsec"] == first.host_time_ns
     assert tuple(pose["pose"]["position"].values()) == pytest.approx(first.position, abs=1e-6)
     assert tuple(pose["pose"]["orientation"].values()) == pytest.approx(first.orientation, abs=1e-6)
+
+
+def test_marks_stand_in_a_take_and_other_tools_read_them_as_a_log(tmp_path):
+    path = tmp_path / "a.mcap"
+    marks = (Mark(START_NS + 250_000_000, 'the "jump", à gauche'), Mark(START_NS + 1, ""))
+    with TakeRecorder(path) as recorder:
+        recorder.add_device(RecordedDevice("suit", "generic"))
+        recorder.write("suit", Reading((RawChunk(START_NS, b""),)))
+        for mark in marks:
+            recorder.mark(mark.time_ns, mark.text)
+    assert read_take(path).marks == marks
+    with path.open("rb") as file:
+        told = list(make_reader(file, validate_crcs=True).iter_messages(topics=["/marks"], log_time_order=False))
+    schemas, texts = {s.name for s, _, _ in told if s}, [json.loads(m.data)["message"] for _, _, m in told]
+    assert (schemas, texts) == ({"foxglove.Log"}, [mark.text for mark in marks])
 
 
 def test_a_take_cut_at_any_byte_opens_up_to_its_last_whole_chunk(tmp_path):
