@@ -15,7 +15,7 @@ from deformation.character import Character, LatticeSettings, make_character
 from deformation.deformer import Deformer, DeformSettings
 from deformation.mannequin import mannequin
 from deformation.secondary_motion import SecondaryMotion, swing_reference
-from deformation.shape_matching import goals_reference, make_regions
+from deformation.shape_matching import goals_reference
 from deformation.skinning import blend, blend_reference, joint_motion
 from deformation.surface import Surface, interpolate_reference, normals_reference
 from deformation.volume import part_volumes, preserve, preserve_reference
@@ -119,7 +119,7 @@ def _medians(stages: _Stages, poses: NDArray[np.float64]) -> dict[str, float]:
 def _compiled(character: Character) -> _Stages:
     """The deformer's stages one by one, on buffers of their own."""
     lattice, settings = character.lattice, DeformSettings()
-    surface, flesh = Surface(character.mesh, lattice), SecondaryMotion(make_regions(lattice), character.softness, 1.0)
+    surface, flesh = Surface(character.mesh, lattice), SecondaryMotion(character.regions, character.softness, 1.0)
     x, shown, turns = (
         np.empty_like(lattice.particles),
         np.empty_like(lattice.particles),
@@ -141,7 +141,7 @@ def _compiled(character: Character) -> _Stages:
 
 def _plain(character: Character) -> _Stages:
     """The same in plain NumPy and SciPy."""
-    lattice, settings, regions = character.lattice, DeformSettings(), make_regions(character.lattice)
+    lattice, settings, regions = character.lattice, DeformSettings(), character.regions
     held: dict[str, NDArray[np.float64]] = {"v": np.zeros_like(lattice.particles)}
     assert settings.secondary is not None
     swing = settings.secondary

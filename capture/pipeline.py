@@ -107,4 +107,9 @@ class Pipeline:
 
 def _kept(skin: DeformedMesh) -> DeformedMesh:
     """A copy that stays when the deformer goes on: another thread may be drawing it."""
-    return DeformedMesh(*(frozen(array.copy()) for array in (skin.vertices, skin.normals, skin.particles)))
+    return replace(
+        skin,
+        vertices=frozen(skin.vertices.copy()),
+        normals=frozen(skin.normals.copy()),
+        particles=frozen(skin.particles.copy()),
+    )

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from capture.characters import Cast
-from capture.scene import CLAY, LATTICE, Camera, Lines, Scene, Spheres, Surface, skeleton_marks, tracker_spheres
+from capture.scene import LATTICE, Camera, Lines, Scene, Spheres, Surface, skeleton_marks, tracker_spheres
+from capture.skin_colours import SkinColours
 from capture.viewing import Layers
+from deformation.character import Character
 from deformation.deformer import DeformedMesh
 from devices.frame import TrackerFrame, frozen
 from reconstruction.skeleton import Skeleton
@@ -49,9 +51,9 @@ class Stage:
     def __init__(self, skeleton: Skeleton, cast: Cast | None) -> None:
         self.skeleton, self.cast = skeleton, cast
         character = self.character = cast.character if cast else None
-        self._colours = cast.colours if cast else CLAY
+        self._colours = SkinColours(character, cast.colours) if cast and character else None
         self._triangles = character.mesh.triangulated if character else np.empty((0, 3), np.int32)
-        self._edges = _lattice_edges(character.lattice.cells) if character else np.empty((0, 2), np.int32)
+        self._edges: NDArray[np.int32] | None = None
         self._view: _View | None = None
 
     def scene(
@@ -70,8 +72,10 @@ class Stage:
         joints: (J, 4, 4) `T_world_joint`; sigma: (J,) radians, for the uncertainty tint.
         """
         surfaces, lines, spheres = [], [], []
+        if skin is not None:
+            self._follow(skin.character)
         if skin is not None and layers.skin:
-            surfaces.append(self._skin(skin, sigma if layers.uncertainty else None))
+            surfaces.append(self._skin(skin, layers, sigma if layers.uncertainty else None))
         if layers.skeleton or not surfaces:
             bones, balls = skeleton_marks(self.skeleton, joints[:, :3, 3])
             lines.append(bones)
@@ -79,26 +83,42 @@ class Stage:
         if layers.trackers and frame is not None:
             spheres.append(tracker_spheres(frame))
         if layers.lattice and skin is not None:
-            lines.append(Lines(frozen(skin.particles.copy()), self._edges, LATTICE, width=1.0, opacity=0.55))
+            lines.append(Lines(frozen(skin.particles.copy()), self._lattice(), LATTICE, width=1.0, opacity=0.55))
         camera = self._camera(time_s, joints[:, :3, 3])
-        words = tuple(status) if layers.statistics else ()
+        legend = self._colours.legend(layers.paint, layers.bone) if self._colours and surfaces else ""
+        words = (*(status if layers.statistics else ()), *([legend] if legend else ()))
         return Scene(tuple(surfaces), tuple(lines), _only(spheres), camera, title=title, status=words)
 
     def cut(self) -> None:
         """The next scene is not the one after: the camera jumps to it."""
         self._view = None
 
-    def _skin(self, skin: DeformedMesh, sigma: NDArray[np.float64] | None) -> Surface:
-        tinted = sigma is not None and self.cast is not None and self.cast.retargeter is None
-        colours = self._doubt(sigma) if tinted else self._colours  # type: ignore[arg-type]
+    def _follow(self, character: Character) -> None:
+        """The character may have been bound anew, to a finer lattice say, since the last scene."""
+        if character is self.character or self.cast is None:
+            return
+        self.character, self._edges = character, None
+        self._colours = SkinColours(character, self.cast.colours)
+
+    def _lattice(self) -> NDArray[np.int32]:
+        assert self.character is not None
+        if self._edges is None:
+            self._edges = _lattice_edges(self.character.lattice.cells)
+        return self._edges
+
+    def _skin(self, skin: DeformedMesh, layers: Layers, sigma: NDArray[np.float64] | None) -> Surface:
+        assert self._colours is not None
+        colours = self._colours.painted(layers.paint, layers.bone)
+        if sigma is not None and self.cast is not None and self.cast.retargeter is None:
+            colours = self._doubt(colours, sigma)
         return Surface(skin.vertices, self._triangles, skin.normals, colours)
 
-    def _doubt(self, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _doubt(self, colours: ArrayLike, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
         """(V, 3) the skin's colours, redder the less its joints are known."""
         assert self.character is not None
         on_vertices = (sigma[self.character.vertex_joints] * self.character.vertex_weights).sum(axis=1)
         share = np.clip(on_vertices / DOUBT_RAD, 0, 1)[:, None]
-        return (1 - share) * np.asarray(self._colours) + share * DOUBTFUL
+        return (1 - share) * np.asarray(colours) + share * DOUBTFUL
 
     def _camera(self, time_s: float, joints: NDArray[np.float64]) -> Camera:
         height = float(self._standing_height())

@@ -15,9 +15,14 @@ _SEEK_S = 1.0
 _TURN = math.radians(5)
 
 
+PAINTS = ("skin", "bones", "parts", "weights", "softness", "regions")
+"""What the skin can be coloured by: itself, its strongest bone, its joint-dependent part, one bone's weights, its
+softness, the half-width of its shape matching regions (`capture.skin_colours`)."""
+
+
 @dataclass(frozen=True)
 class Layers:
-    """What is shown over one another."""
+    """What is shown over one another. paint: one of `PAINTS`; bone: the joint, counted, whose weights are painted."""
 
     skin: bool = True
     skeleton: bool = False
@@ -27,6 +32,8 @@ class Layers:
     ghosts: bool = False
     uncertainty: bool = False
     statistics: bool = True
+    paint: str = "skin"
+    bone: int = 0
 
 
 class FrameSource(Protocol):

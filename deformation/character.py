@@ -10,6 +10,8 @@ from deformation.heat_weights import blur, heat_weights, separate_branches, skel
 from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
 from deformation.materials import default_softness
 from deformation.mesh import Mesh
+from deformation.pose_shapes import ExampleShape
+from deformation.shape_matching import Regions, make_regions
 from deformation.skinning import Binding, bind_points
 from deformation.volume import VolumeParts, volume_parts
 from devices.errors import SettingError
@@ -30,12 +32,14 @@ class LatticeSettings:
 
     cell_size_m: edge of a cell; particles: about how many, instead of the cell size. With neither, about 1,900.
     bone_width: radius of a bone in half cells; bone_strength: its heat e_j.
+    region_half_width: cells, 1 to 5, of the shape matching regions; in wider ones the flesh moves more as one.
     """
 
     cell_size_m: float | None = None
     particles: int | None = None
     bone_width: float = 1.0
     bone_strength: float = 1.0
+    region_half_width: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,7 @@ class Character:
     vertex_joints: (V, 4) int32, vertex_weights: (V, 4), rows sum to 1, strongest first: for exchange formats and plain
         linear blending. binding: the same of the lattice's particles, which drive the mesh here.
     parts: the lattice by joints, for the volume. softness: (P,) 0 to 1, share of the secondary motion taken.
+    regions: what moves together in shape matching, with a half-width for each particle.
     """
 
     name: str
@@ -58,6 +63,7 @@ class Character:
     binding: Binding
     parts: VolumeParts
     softness: NDArray[np.float64]
+    regions: Regions
 
     @cached_property
     def bind_inverse(self) -> NDArray[np.float64]:
@@ -105,6 +111,7 @@ def make_character(
         binding,
         volume_parts(lattice, binding, skeleton, positions),
         frozen(default_softness(lattice, binding, skeleton, bones)),
+        make_regions(lattice, settings.region_half_width),
     )
 
 

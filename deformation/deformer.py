@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.character import Character
+from deformation.pose_shapes import PoseDrivenShapes
 from deformation.secondary_motion import SecondaryMotion, SecondarySettings
-from deformation.shape_matching import make_regions
 from deformation.skinning import blend, joint_motion
 from deformation.surface import Surface
 from deformation.volume import preserve
@@ -18,15 +18,13 @@ _REACH_CELLS = 1.0
 
 @dataclass(frozen=True)
 class DeformSettings:
-    """What is done to the particles after skinning; may be changed between frames, all but the regions.
+    """What is done to the particles after skinning; may be changed between frames.
 
     volume: keep the volume of each part. secondary: how the flesh swings, None for not at all.
-    region_half_width: cells, 1 to 5; wider regions make the flesh move more as one.
     """
 
     volume: bool = True
     secondary: SecondarySettings | None = field(default_factory=SecondarySettings)
-    region_half_width: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +32,13 @@ class DeformedMesh:
     """A character at one moment. The arrays are the deformer's own and hold until its next frame: copy what is kept.
 
     vertices: (V, 3) metres, world; normals: (V, 3) unit; particles: (P, 3) metres, world.
+    character: whose mesh and lattice these are.
     """
 
     vertices: NDArray[np.float64]
     normals: NDArray[np.float64]
     particles: NDArray[np.float64]
+    character: Character
 
 
 class Deformer:
@@ -49,11 +49,12 @@ class Deformer:
         self.settings = settings or DeformSettings()
         lattice, vertices = character.lattice, character.mesh.vertices
         self._surface = Surface(character.mesh, lattice)
-        regions = make_regions(lattice, self.settings.region_half_width)
-        self._flesh = SecondaryMotion(regions, character.softness, lattice.cell_size)
+        self._flesh = SecondaryMotion(character.regions, character.softness, lattice.cell_size)
         self._particles, self._shown = np.empty_like(lattice.particles), np.empty_like(lattice.particles)
         self._rotations = np.empty((len(lattice.particles), 3, 3))
         self._vertices, self._normals = np.empty_like(vertices), np.empty_like(vertices)
+        self._motion = joint_motion(character.bind, character.bind_inverse)
+        self._shapes = _shapes(character)
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -66,6 +67,8 @@ class Deformer:
     def reset(self) -> None:
         """Forgets all motion: the next frame starts at rest on its pose."""
         self._flesh.reset()
+        if self._shapes is not None:
+            self._shapes.reset()
 
     def push(self, velocity_m_s: NDArray[np.float64], centre: NDArray[np.float64], radius_m: float) -> None:
         """Hits the flesh: velocity (3,) metres a second at a point (3,) metres, fading out over a radius."""
@@ -80,14 +83,23 @@ class Deformer:
             self._flesh.follow(particles, dt_s, self.settings.secondary, self._shown)
             particles = self._shown
         self._surface.vertices(particles, self._vertices)
+        if self._shapes is not None:
+            self._shapes.add(self._vertices, self._motion, dt_s)
         self._surface.normals(self._vertices, self._normals)
-        return DeformedMesh(self._vertices, self._normals, particles)
+        return DeformedMesh(self._vertices, self._normals, particles, self.character)
 
     def skin(self, T_world_joint: NDArray[np.float64]) -> NDArray[np.float64]:
         """The primary deformation alone (section III): particles (P, 3) metres, valid until the next frame."""
         character = self.character
-        motion = joint_motion(T_world_joint, character.bind_inverse)
-        blend(motion, character.binding, character.lattice.particles, self._particles, self._rotations)
+        self._motion = joint_motion(T_world_joint, character.bind_inverse)
+        blend(self._motion, character.binding, character.lattice.particles, self._particles, self._rotations)
         if self.settings.volume:
             preserve(self._particles, self._rotations, character.parts, _REACH_CELLS * character.lattice.cell_size)
         return self._particles
+
+
+def _shapes(character: Character) -> PoseDrivenShapes | None:
+    if not character.examples:
+        return None
+    parents, joints, weights = character.skeleton.parents, character.vertex_joints, character.vertex_weights
+    return PoseDrivenShapes(character.mesh, parents, joints, weights, character.examples)
