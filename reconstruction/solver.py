@@ -35,6 +35,7 @@ from reconstruction.window_features import SPAN, seen_from
 
 _WORLD = np.zeros(3)
 """The heading frame that stands at the world's origin."""
+_NONE = frozen(np.empty(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ class Solution:
     coverage: distance to the neighbours over the database's own spacing: about 1 inside the data, more outside.
     states: (6,) int8 of `Footing`: what each role's place stands on.
     stage_ns: nanoseconds by stage.
+    neighbours: (K,) database rows that the prior came of, none while the pose is held; the row before each stands in
+        the heading frame `heading` (3,), the last pose's.
     """
 
     pose: Pose
@@ -78,18 +81,22 @@ class Solution:
     coverage: float
     states: NDArray[np.int8]
     stage_ns: dict[str, int]
+    neighbours: NDArray[np.int64] = field(default_factory=lambda: _NONE)
+    heading: NDArray[np.float64] = field(default_factory=lambda: _WORLD)
 
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
     """A whole take, solved. motion: one pose a frame; sigma: (T, J) radians; coverage: (T,); states: (T, 6) of
-    `Footing`; milliseconds: (T,) a frame."""
+    `Footing`; milliseconds: (T,) a frame; neighbours, headings: T arrays (K,) and (T, 3), as in `Solution`."""
 
     motion: Motion
     sigma: NDArray[np.float64]
     coverage: NDArray[np.float64]
     states: NDArray[np.int8]
     milliseconds: NDArray[np.float64]
+    neighbours: tuple[NDArray[np.int32], ...] = ()
+    headings: NDArray[np.float64] = field(default_factory=lambda: _WORLD[None])
 
 
 class Reconstructor:
@@ -205,6 +212,8 @@ class Reconstructor:
             prediction.coverage,
             frozen(footings(frame, False)),
             stages,
+            prediction.rows,
+            heading,
         )
         return self._last
 
@@ -359,4 +368,6 @@ def reconstruct(
         frozen(np.array([s.coverage for s in solutions])),
         frozen(np.array([s.states for s in solutions])),
         frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
+        tuple(s.neighbours.astype(np.int32) for s in solutions),
+        frozen(np.array([s.heading for s in solutions])),
     )
