@@ -26,6 +26,9 @@ from devices.errors import SettingError
 _FEWEST_BENDING = 5
 """A closed curve of fewer vertices has no fourth difference; it only follows its tie."""
 
+_SAME_STEP = 1e-3
+"""Steps whose lengths differ by a smaller share are taken as one."""
+
 _EVEN = 1e-6
 """A straight curve's turn about itself is taken as none: added to its moments of inertia, as a share of their sum."""
 
@@ -60,16 +63,14 @@ class BeamSettings:
 class BeamSkin:
     """All curves of a mesh as beams that lag behind moving targets.
 
-    rest: (V, 3) metres, the shape that curve lengths are taken from. dt_s: seconds a step, the same for all steps.
+    rest: (V, 3) metres, the shape that curve lengths are taken from. dt_s: seconds a step, unless one has its own.
     Raises SettingError for a step that is not above 0.
     """
 
     def __init__(
         self, curves: IsoCurves, rest: NDArray[np.float64], dt_s: float, settings: BeamSettings | None = None
     ) -> None:
-        if not dt_s > 0:
-            raise SettingError(f"the step is {dt_s} s: it must be above 0")
-        self._settings, self._dt = settings or BeamSettings(), dt_s
+        self._settings = settings or BeamSettings()
         self._rest = np.array(rest)
         self._members, self._starts, self._closed = curves.vertices, curves.starts, curves.closed
         self._share = 1.0 / np.maximum(np.bincount(curves.vertices, minlength=len(rest)), 1)
@@ -77,22 +78,42 @@ class BeamSkin:
         self._tie, self._drag = w * w, 2 * self._settings.damping_ratio * w
         stiffness = self._settings.bending / spacings(curves, rest) ** 4
         self._stiffness = np.where(np.diff(curves.starts) < np.where(curves.closed, _FEWEST_BENDING, 3), 0.0, stiffness)
-        mass = 1 + self._drag * dt_s / 2 + self._tie * dt_s**2 / 4
-        self._factor = _factor(self._starts, self._closed, self._stiffness * dt_s**2 / 4, mass)
+        self._set_step(dt_s)
         size = len(curves.vertices)
         self._e, self._v, self._a, self._right = (np.zeros((size, 3)) for _ in range(4))
 
-    def step(self, target: NDArray[np.float64], target_velocity: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def _set_step(self, dt_s: float) -> None:
+        if not dt_s > 0:
+            raise SettingError(f"the step is {dt_s} s: it must be above 0")
+        self._dt = dt_s
+        mass = 1 + self._drag * dt_s / 2 + self._tie * dt_s**2 / 4
+        self._factor = _factor(self._starts, self._closed, self._stiffness * dt_s**2 / 4, mass)
+
+    def step(
+        self,
+        target: NDArray[np.float64],
+        target_velocity: NDArray[np.float64],
+        out: NDArray[np.float64],
+        dt_s: float | None = None,
+    ) -> None:
         """One step on: writes the displacement (V, 3) metres into `out`.
 
-        target, target_velocity: (V, 3) metres and metres a second at the step's end.
+        target, target_velocity: (V, 3) metres and metres a second at the step's end. dt_s: seconds, where not as
+        before; the system is then factored anew.
         """
+        if dt_s is not None and abs(dt_s - self._dt) > _SAME_STEP * self._dt:
+            self._set_step(dt_s)
         _deforming(self._rest, target, target_velocity, self._members, self._starts, self._right)
         _step(
             self._starts, self._closed, self._stiffness, self._factor, self._drag, self._tie,
             self._dt, self._e, self._v, self._a, self._right,
         )  # fmt: skip
         _gather(self._members, self._share, self._e, target, out)
+
+    def rest(self) -> None:
+        """Stops all lag."""
+        for state in (self._e, self._v, self._a):
+            state[:] = 0.0
 
     def lag(self) -> NDArray[np.float64]:
         """(N, 3) metres behind the target, node by node as `IsoCurves.vertices`."""

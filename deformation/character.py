@@ -51,6 +51,7 @@ class Character:
         linear blending. binding: the same of the lattice's particles, which drive the mesh here.
     parts: the lattice by joints, for the volume. softness: (P,) 0 to 1, share of the secondary motion taken.
     regions: what moves together in shape matching, with a half-width for each particle.
+    examples: shapes that come in as joints turn, over all else (`pose_shapes`).
     """
 
     name: str
@@ -64,6 +65,7 @@ class Character:
     parts: VolumeParts
     softness: NDArray[np.float64]
     regions: Regions
+    examples: tuple[ExampleShape, ...] = ()
 
     @cached_property
     def bind_inverse(self) -> NDArray[np.float64]:

@@ -1,7 +1,6 @@
-"""Shapes between example poses of one mesh, by time or by the angles of joints (paper figs. 5 and 6)."""
+"""Shapes between example poses of one mesh, by time (paper figs. 5 and 6)."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -128,65 +127,3 @@ def _stretch(
 def ease(share: float) -> float:
     """The quintic from 0 to 1 that starts and ends at rest, without a jump in acceleration."""
     return share * share * share * (10 + share * (6 * share - 15))
-
-
-@dataclass(frozen=True, eq=False)
-class ExampleShape:
-    """How a mesh should look where a joint is bent by some angle.
-
-    joint: its number; angle: radians of its rotation away from the bind pose; offsets: (V, 3) metres from the plainly
-    deformed mesh, in the joint's frame. An example of no offsets at angle 0 is understood.
-    """
-
-    joint: int
-    angle: float
-    offsets: NDArray[np.float64]
-
-
-class PoseDrivenShapes:
-    """Example shapes that come in as joints bend, as beams over another deformation's result.
-
-    Raises SettingError where two examples of a joint have the same angle, or one has angle 0.
-    """
-
-    def __init__(
-        self,
-        curves: IsoCurves,
-        rest: NDArray[np.float64],
-        examples: Sequence[ExampleShape],
-        dt_s: float,
-        settings: BeamSettings | None = None,
-    ) -> None:
-        self._by_joint: dict[int, list[ExampleShape]] = {}
-        for example in sorted(examples, key=lambda e: e.angle):
-            own = self._by_joint.setdefault(example.joint, [])
-            if example.angle <= 0 or (own and own[-1].angle == example.angle):
-                raise SettingError(f"joint {example.joint} at {example.angle} rad: give each angle above 0 once")
-            own.append(example)
-        self._skin, self._dt = BeamSkin(curves, rest, dt_s, settings), dt_s
-        self._last = np.zeros_like(rest)
-        self._moved = np.zeros_like(rest)
-
-    def target(self, angles: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(V, 3) metres: each joint's examples, mixed linearly by its angle, turned as the joint is.
-
-        angles: (J,) radians from the bind pose; turns: (J, 3, 3) `R_world_joint`.
-        """
-        total = np.zeros_like(self._last)
-        for joint, examples in self._by_joint.items():
-            knots = [0.0, *(example.angle for example in examples)]
-            place = float(np.interp(angles[joint], knots, range(len(knots))))
-            for number, example in enumerate(examples, start=1):
-                weight = max(0.0, 1.0 - abs(place - number))
-                if weight > 0:
-                    total += weight * example.offsets @ turns[joint].T
-        return total
-
-    def follow(
-        self, vertices: NDArray[np.float64], angles: NDArray[np.float64], turns: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """The deformed mesh (V, 3) with its example shapes, one step on; arguments as for `target`."""
-        target = self.target(angles, turns)
-        self._skin.step(target, (target - self._last) / self._dt, self._moved)
-        self._last = target
-        return vertices + self._moved

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deformation.beam import BeamSettings, BeamSkin, deforming_reference, fourth_difference, spacings
-from deformation.inbetween import ExampleShape, PoseDrivenShapes, ease, inbetween, skin_curves
+from deformation.inbetween import ease, inbetween, skin_curves
 from deformation.inbetween_target import turning_way
 from deformation.isocurves import IsoCurves, iso_curves
 from devices.errors import SettingError
@@ -181,19 +181,18 @@ def test_rigid_motion_leaves_no_lag() -> None:
     assert np.abs(skin.lag()).max() > 1e-4
 
 
-def test_example_shapes_come_in_as_a_joint_bends() -> None:
-    mesh = cylinder(8, 9)
-    bulge = np.tile([0.0, 0.1, 0.0], (len(mesh.vertices), 1))
-    examples = [ExampleShape(1, 0.5, bulge), ExampleShape(1, 1.0, 3 * bulge)]
-    shapes = PoseDrivenShapes(iso_curves(mesh), mesh.vertices, examples, 1 / 60)
-    turns = np.tile(np.eye(3), (2, 1, 1))
-    for angle, factor in ((0.0, 0), (0.25, 0.5), (0.5, 1), (0.75, 2), (1.0, 3), (2.0, 3)):
-        np.testing.assert_allclose(shapes.target(np.array([0, angle]), turns), factor * bulge, atol=1e-12)
-    turns[1] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    np.testing.assert_allclose(shapes.target(np.array([0, 0.5]), turns)[0], [-0.1, 0, 0], atol=1e-12)
-    for _ in range(240):
-        shown = shapes.follow(mesh.vertices, np.array([0, 0.5]), turns)
-    np.testing.assert_allclose(shown, mesh.vertices + bulge @ turns[1].T, atol=1e-4)
+def test_a_step_may_have_a_length_of_its_own() -> None:
+    curves, rest = one_curve(12, True)
+    random = np.random.default_rng(4)
+    changing, fixed = BeamSkin(curves, rest, 0.5), BeamSkin(curves, rest, 0.02)
+    out = np.empty((2, 12, 3))
+    for _ in range(3):
+        target, velocity = random.normal(size=(2, 12, 3))
+        changing.step(target, velocity, out[0], 0.02)
+        fixed.step(target, velocity, out[1])
+        np.testing.assert_array_equal(out[0], out[1])
+    changing.rest()
+    assert not changing.lag().any()
 
 
 def test_wrong_settings_are_named() -> None:
@@ -204,5 +203,5 @@ def test_wrong_settings_are_named() -> None:
         BeamSettings(damping_ratio=3)
     with pytest.raises(SettingError, match="two or more"):
         next(inbetween(mesh, [mesh.vertices], 3))
-    with pytest.raises(SettingError, match="once"):
-        PoseDrivenShapes(iso_curves(mesh), mesh.vertices, [ExampleShape(0, 0.0, mesh.vertices)], 0.1)
+    with pytest.raises(SettingError, match="above 0"):
+        BeamSkin(iso_curves(mesh), mesh.vertices, 0.0)
