@@ -10,12 +10,14 @@ from scipy.spatial.transform import Rotation
 from capture.characters import average_pose, cast
 from capture.clock import SessionClock
 from capture.config import DeviceConfig, SessionConfig, commented_config
+from capture.device_settings import device_settings
 from capture.director import make_director
 from capture.library import open_named_database
 from capture.pipeline import Pipeline, Shot
 from capture.session import Session, SessionDevice
 from capture.solving import performer
 from capture.streaming import open_stream
+from capture.tuning import LiveSetting, Tuning
 from devices.assembler import FrameAssembler
 from devices.errors import DeviceError, SettingError
 from devices.filters import OneEuroSettings
@@ -126,4 +128,11 @@ def make_session(
         raise DeviceError("a session needs a device")
     clock = SessionClock()
     assembler = FrameAssembler(config.solver.rate_hz, config.solver.latency_ms / 1000, epoch_ns=clock.start_ns)
-    return Session([device.session_device() for device in devices], assembler, pipeline, clock, recorder, watchers)
+    taking = [device.session_device() for device in devices]
+    tuning = Tuning(live_settings(taking, pipeline))
+    return Session(taking, assembler, pipeline, clock, recorder, watchers, tuning)
+
+
+def live_settings(devices: Sequence[SessionDevice], pipeline: Pipeline | None) -> list[LiveSetting]:
+    """All that can be changed while the session runs, by its name in `session.toml`."""
+    return [setting for device in devices for setting in device_settings(device.driver.name, device.intake)]

@@ -11,6 +11,7 @@ from capture.clock import SessionClock
 from capture.device_reader import Arrival, DeviceReader
 from capture.latency import LatencyRecorder
 from capture.pipeline import Pipeline, Shot
+from capture.tuning import Tuning, Value
 from devices.assembler import FrameAssembler
 from devices.driver import Driver
 from devices.frame import TrackerFrame
@@ -36,6 +37,7 @@ class Session:
     Without a pipeline it only records.
 
     `latest` is the newest shot, for whoever draws; `watchers` (streams) are called with each, on the session's thread.
+    tuning: settings that change between two frames when asked; each change is kept in the take.
     """
 
     def __init__(
@@ -46,12 +48,16 @@ class Session:
         clock: SessionClock,
         recorder: TakeRecorder | None = None,
         watchers: Sequence[Callable[[Shot], None]] = (),
+        tuning: Tuning | None = None,
     ) -> None:
         self.devices, self.assembler, self.pipeline, self.clock = tuple(devices), assembler, pipeline, clock
         self.recorder, self.watchers = recorder, tuple(watchers)
+        self.tuning = tuning or Tuning()
         self.latest: Shot | None = None
         self.latencies = LatencyRecorder()
         self.solved = self.skipped = self.samples = 0
+        self._changed: dict[str, Value] = {}
+        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._inbox: queue.SimpleQueue[Arrival] = queue.SimpleQueue()
         self.readers = tuple(DeviceReader(i, d.driver, self._inbox) for i, d in enumerate(self.devices))
 
@@ -63,9 +69,20 @@ class Session:
             self._keep_and_place(self._arrived(0.0))
         self._bow_out()
 
+    def record(self, recorder: TakeRecorder | None) -> None:
+        """From the next turn on readings go to this take, or to none; the one before is finished. From any thread."""
+        self._asked.put(lambda: self._record(recorder))
+
+    def mark(self, text: str) -> None:
+        """Notes this moment in the take, where there is one. From any thread."""
+        now_ns = time.perf_counter_ns()
+        self._asked.put(lambda: self.recorder.mark(now_ns, text) if self.recorder else None)
+
     def _turn(self) -> None:
         """One turn of the loop: what arrived is kept and placed, and becomes the shots that are due."""
-        self._keep_and_place(self._arrived(_TURN_S))
+        arrivals = self._arrived(_TURN_S)
+        self._do_what_was_asked()
+        self._keep_and_place(arrivals)
         if self.pipeline is None:
             return
         for frame in self._due():
@@ -84,6 +101,22 @@ class Session:
             for watch in self.watchers:
                 watch(shot)
             time.sleep(1 / self.assembler.rate_hz)
+
+    def _do_what_was_asked(self) -> None:
+        """Between two frames: a take begins or ends, and settings change from the next reading on."""
+        while not self._asked.empty():
+            self._asked.get()()
+        changed = self.tuning.apply()
+        self._changed |= changed
+        if changed and self.recorder:
+            self.recorder.settings(time.perf_counter_ns(), changed)
+
+    def _record(self, recorder: TakeRecorder | None) -> None:
+        before, self.recorder = self.recorder, recorder
+        if before:
+            before.close()
+        if recorder and self._changed:
+            recorder.settings(time.perf_counter_ns(), self._changed)
 
     def _keep_and_place(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:

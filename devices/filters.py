@@ -21,12 +21,14 @@ _BATCH_S = 0.02
 class OneEuroSettings:
     """min_cutoff_hz: cut-off at rest. beta: hertz more of cut-off for each m/s (for turns: each rad/s).
 
-    speed_cutoff_hz: cut-off of the speed estimate. Raises SettingError out of range.
+    speed_cutoff_hz: cut-off of the speed estimate. on: whether anything is done at all. Raises SettingError where a
+    value is out of range.
     """
 
     min_cutoff_hz: float = 4.0
     beta: float = 60.0
     speed_cutoff_hz: float = 5.0
+    on: bool = True
 
     def __post_init__(self) -> None:
         if not (self.min_cutoff_hz > 0 and self.beta >= 0 and self.speed_cutoff_hz > 0):
@@ -38,11 +40,13 @@ class GateSettings:
     """max_speed_m_s: a faster jump is an outlier, unless `accept_after` readings in a row agree on the new place.
 
     min_quality: readings below it are dropped (0 to 1). Readings that the device itself calls suspect always are.
+    on: whether anything is done at all.
     """
 
     max_speed_m_s: float = 25.0
     accept_after: int = 5
     min_quality: float = 0.05
+    on: bool = True
 
     def __post_init__(self) -> None:
         if not (self.max_speed_m_s > 0 and self.accept_after >= 1 and 0 <= self.min_quality <= 1):
@@ -107,7 +111,7 @@ class OneEuroFilter:
 
 
 class OutlierGate:
-    """Tells the readings of one tracker that can be believed from those that cannot."""
+    """Tells the readings of one tracker that can be believed from those that cannot. `settings` may be replaced."""
 
     def __init__(self, settings: GateSettings) -> None:
         self.settings = settings

@@ -37,8 +37,9 @@ class DeviceIntake:
     """Turns one device's samples into role readings; trackers without a role, lost and held samples fall away.
 
     assignment: tracker -> role, such as {"1": "left_wrist"}. room: where the device stands. gate, smoothing: what is
-    done against outliers and noise, None for nothing. Where a device has a clock, readings get the host time at which
-    they were taken by it (`clock`), not that of their arrival. Raises SettingError for an unknown role.
+    done against outliers and noise, None for nothing; both may be replaced between two samples. Where a device has a
+    clock, readings get the host time at which they were taken by it (`clock`), not that of their arrival. Raises
+    SettingError for an unknown role.
     """
 
     assignment: Mapping[str, str]
@@ -67,24 +68,33 @@ class DeviceIntake:
                 time_ns = self.clock.host_ns(sample.device_time_s, time_ns)
             if role is None or sample.position is None or sample.flags & SampleFlag.HELD:
                 continue
-            if self.gate is None or self._believed(time_ns * 1e-9, sample):
+            if self._believed(time_ns * 1e-9, sample):
                 position, orientation = self._placed(sample.position, sample.orientation)
-                if self.smoothing is not None:
-                    smooth = self._filter(sample.tracker, self.smoothing)
-                    position, orientation = smooth(time_ns * 1e-9, position, orientation)
+                position, orientation = self._smoothed(sample.tracker, time_ns * 1e-9, position, orientation)
                 found.append(RoleReading(role, time_ns, position, orientation))
         return found
 
     def _believed(self, time_s: float, sample: TrackerSample) -> bool:
+        if self.gate is None or not self.gate.on:
+            return True
         gate = self._gates.get(sample.tracker)
         if gate is None:
-            gate = self._gates[sample.tracker] = OutlierGate(self.gate or GateSettings())
+            gate = self._gates[sample.tracker] = OutlierGate(self.gate)
+        gate.settings = self.gate
         return gate(time_s, sample)
 
-    def _filter(self, tracker: str, settings: OneEuroSettings) -> OneEuroFilter:
-        found = self._filters.setdefault(tracker, OneEuroFilter(settings))
-        found.settings = settings
-        return found
+    def _smoothed(
+        self, tracker: str, time_s: float, position: Vector, orientation: Quaternion | None
+    ) -> tuple[Vector, Quaternion | None]:
+        """Through the tracker's filter; one that is switched on begins where the tracker is."""
+        if self.smoothing is None or not self.smoothing.on:
+            self._filters.pop(tracker, None)
+            return position, orientation
+        smooth = self._filters.get(tracker)
+        if smooth is None:
+            smooth = self._filters[tracker] = OneEuroFilter(self.smoothing)
+        smooth.settings = self.smoothing
+        return smooth(time_s, position, orientation)
 
     def _placed(self, position: Vector, orientation: Quaternion | None) -> tuple[Vector, Quaternion | None]:
         if self.room.is_identity:

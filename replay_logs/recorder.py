@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from devices.driver import Reading
 from devices.errors import FileError, SettingError
 from devices.sample import TrackerSample
-from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, RecordedDevice
+from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, SETTINGS_TOPIC, RecordedDevice
 
 _FLUSH_EVERY_NS = 200_000_000
 _NUMBER = {"type": "number"}
@@ -78,6 +78,7 @@ class TakeRecorder:
         self._raw: dict[str, int] = {}
         self._poses: dict[tuple[str, str], int] = {}
         self._marks: int | None = None
+        self._settings: int | None = None
         self._flushed_ns: int | None = None
         self._failed = False
 
@@ -109,6 +110,17 @@ class TakeRecorder:
                 schema = self._writer.register_schema("foxglove.Log", "jsonschema", json.dumps(LOG_SCHEMA).encode())
                 self._marks = self._writer.register_channel(MARKS_TOPIC, "json", schema)
             self._writer.add_message(self._marks, time_ns, mark_message(time_ns, text), time_ns)
+
+    def settings(self, time_ns: int, values: Mapping[str, float | bool]) -> None:
+        """Keeps that settings have these values from here on, by their names in `session.toml`.
+
+        time_ns: host time. What holds is the place in the take: between the readings written before and after.
+        Raises FileError as `write` does.
+        """
+        with self._told():
+            if self._settings is None:
+                self._settings = self._writer.register_channel(SETTINGS_TOPIC, "json", 0)
+            self._writer.add_message(self._settings, time_ns, json.dumps(dict(values)).encode(), time_ns)
 
     def flush(self) -> None:
         """Hands everything so far to the operating system. Raises FileError as `write` does."""

@@ -2,13 +2,15 @@
 
 One channel a device, `/devices/<name>/raw`, holds the bytes as they came; its channel metadata names the protocol, its
 options, which tracker is on which role, and where the device stands. Samples are decoded from these bytes whenever a
-take is read, so they are what the live session saw. The `/trackers/...` channels repeat them as `foxglove.PoseInFrame`
+take is read, so they are what the live session saw. Settings that were changed meanwhile stand on `/settings`, between
+the bytes before and after. The `/trackers/...` channels repeat them as `foxglove.PoseInFrame`
 for viewers. A metadata record `sixpoint` holds the session's configuration, the calibration and the software version.
 """
 
 import json
 import struct
 import zlib
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from io import BytesIO
@@ -28,6 +30,7 @@ from devices.driver import RawChunk
 from devices.errors import FileError, SettingError
 from devices.filters import GateSettings, OneEuroSettings
 from devices.intake import DeviceIntake, RoleReading
+from devices.intake_settings import write_setting
 from devices.protocols import make_protocol
 from devices.protocols.protocol import DeviceProtocol
 from devices.room import RoomTransform
@@ -36,6 +39,7 @@ from devices.sample import TrackerSample
 METADATA_NAME = "sixpoint"
 RAW_ENCODING = "x-sixpoint-raw"
 MARKS_TOPIC = "/marks"
+SETTINGS_TOPIC = "/settings"
 _RECORD_HEAD = struct.Struct("<BQ")
 
 
@@ -101,6 +105,19 @@ class Mark:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class SettingsChange:
+    """Settings that were changed while recording.
+
+    time_ns: host time. values: by name as in `session.toml`, such as `device.suit.beta`. chunks_before: how many of
+    each device's chunks stand before it in the take: it holds for those after.
+    """
+
+    time_ns: int
+    values: Mapping[str, float | bool]
+    chunks_before: Mapping[str, int] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Take:
     """A take in memory.
@@ -108,7 +125,7 @@ class Take:
     chunks: by device name, in time order; an empty chunk marks where a device was opened, the first time or again.
     metadata: the `sixpoint` record: version, created, session, calibration, ... as text.
     missing: what of the take could not be read, in words, or None where it is whole.
-    marks: in the order they were made.
+    marks, changes (of settings): in the order they were made.
     """
 
     path: Path
@@ -117,6 +134,7 @@ class Take:
     metadata: Mapping[str, str]
     missing: str | None = None
     marks: tuple[Mark, ...] = ()
+    changes: tuple[SettingsChange, ...] = ()
 
     def samples(self, device: RecordedDevice) -> Iterator[TrackerSample]:
         """One device's samples, as its driver gave them live."""
@@ -125,8 +143,27 @@ class Take:
 
     def readings(self) -> list[RoleReading]:
         """The readings of all roles of all devices in the world, in the order of host time."""
-        found = [reading for device in self.devices for reading in device.intake().readings(self.samples(device))]
+        found = [reading for device in self.devices for reading in self._readings(device)]
         return sorted(found, key=lambda reading: reading.host_time_ns)
+
+    def _readings(self, device: RecordedDevice) -> Iterator[RoleReading]:
+        """One device's, with its gate and smoothing changed where they were changed live."""
+        intake, changes = device.intake(), self._changes_of(device)
+        for number, (_, samples) in enumerate(decoded(device.make_protocol(), self.chunks[device.name])):
+            while changes and changes[0][0] <= number:
+                _, key, value = changes.popleft()
+                write_setting(intake, key, value)
+            yield from intake.readings(samples)
+
+    def _changes_of(self, device: RecordedDevice) -> deque[tuple[int, str, float | bool]]:
+        """(number of the first chunk for which it holds, key, value) in the order they were made."""
+        start = f"device.{device.name}."
+        return deque(
+            (change.chunks_before.get(device.name, 0), name.removeprefix(start), value)
+            for change in self.changes
+            for name, value in change.values.items()
+            if name.startswith(start)
+        )
 
     @property
     def duration_s(self) -> float:
@@ -207,24 +244,28 @@ def _assemble(path: Path, records: _Records) -> Take:
     chunks: dict[str, list[RawChunk]] = {}
     metadata: dict[str, str] = {}
     marks: list[Mark] = []
-    mark_channels: set[int] = set()
+    changes: list[SettingsChange] = []
+    topics: dict[int, str] = {}
     for record in records:
         if isinstance(record, Message) and record.channel_id in devices:
             chunks[devices[record.channel_id].name].append(RawChunk(record.log_time, bytes(record.data)))
         elif isinstance(record, Channel) and record.message_encoding == RAW_ENCODING and record.id not in devices:
             devices[record.id] = _device(path, record)
             chunks.setdefault(devices[record.id].name, [])
-        elif isinstance(record, Message) and record.channel_id in mark_channels:
+        elif isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message) and topics.get(record.channel_id) == MARKS_TOPIC:
             marks.append(_mark(record))
-        elif isinstance(record, Channel) and record.topic == MARKS_TOPIC:
-            mark_channels.add(record.id)
+        elif isinstance(record, Message) and topics.get(record.channel_id) == SETTINGS_TOPIC:
+            before = {name: len(found) for name, found in chunks.items()}
+            changes.append(SettingsChange(record.log_time, _values(path, record), before))
         elif isinstance(record, Metadata) and record.name == METADATA_NAME:
             metadata.update(record.metadata)
     if not any(chunks.values()):
         broken = f"; it is cut off at byte {records.broken_at}, before its first data" if records.broken_at else ""
         raise FileError(f"{path}: no device's bytes in it{broken}")
     held = {name: tuple(found) for name, found in chunks.items()}
-    take = Take(path, tuple(devices.values()), held, metadata, None, tuple(marks))
+    take = Take(path, tuple(devices.values()), held, metadata, None, tuple(marks), tuple(changes))
     if records.broken_at is None:
         return take
     missing = (
@@ -241,6 +282,15 @@ def _mark(message: Message) -> Mark:
     except (ValueError, KeyError, TypeError):
         text = message.data.decode(errors="replace")
     return Mark(message.log_time, text)
+
+
+def _values(path: Path, message: Message) -> dict[str, float | bool]:
+    """Changed settings. Raises FileError where they are not as we write them: what was done would not be known."""
+    try:
+        values = json.loads(message.data)
+        return {str(name): value if isinstance(value, bool) else float(value) for name, value in values.items()}
+    except (ValueError, AttributeError, TypeError):
+        raise FileError(f"{path}: a message on {SETTINGS_TOPIC} is not as sixpoint writes it") from None
 
 
 def _device(path: Path, channel: Channel) -> RecordedDevice:

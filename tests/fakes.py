@@ -4,14 +4,15 @@ import time
 
 from devices.driver import RawChunk, Reading
 from devices.errors import DeviceError
+from devices.protocols import make_protocol
 from devices.sample import ROLES, TrackerSample
 
 
 class FakeDriver:
-    """A device that gives each reading of a list once, then nothing; or fails to open."""
+    """A device that gives each reading of a list once, then nothing; or fails to open. paced: not before its time."""
 
-    def __init__(self, readings=(), name="fake", broken=False):
-        self.name, self.broken = name, broken
+    def __init__(self, readings=(), name="fake", broken=False, paced=False):
+        self.name, self.broken, self.paced = name, broken, paced
         self.closed = 0
         self._readings = list(readings)
 
@@ -20,6 +21,8 @@ class FakeDriver:
             raise DeviceError(f"{self.name} is broken: mend it")
 
     def read(self, timeout_s):
+        if self._readings and self.paced:
+            time.sleep(max(0.0, (self._readings[0].chunks[0].host_time_ns - time.perf_counter_ns()) * 1e-9))
         if self._readings:
             return self._readings.pop(0)
         time.sleep(min(timeout_s, 0.005))
@@ -37,4 +40,21 @@ def readings_now(count, rate_hz=200.0, roles=ROLES):
         at = start + round(number / rate_hz * 1e9)
         samples = tuple(TrackerSample(role, at, (float(i), 1.0, number / rate_hz)) for i, role in enumerate(roles))
         made.append(Reading((RawChunk(at, b"%d;" % number),), samples))
+    return made
+
+
+def generic_readings(count, rate_hz=200.0):
+    """What a `generic` device with six shaking trackers gives, bytes and the samples decoded from them."""
+    source, parser = make_protocol("generic"), make_protocol("generic")
+    simulated = source.simulator(ROLES)
+    start = time.perf_counter_ns()
+    made = []
+    for number in range(count):
+        at = start + round(number / rate_hz * 1e9)
+        told = [
+            TrackerSample(str(i), at, (0.01 * ((7 * number + i) % 5), 1.0, 0.1 * i), None, number / rate_hz)
+            for i, _ in enumerate(ROLES, 1)
+        ]
+        data = b"".join(simulated.measure(told))
+        made.append(Reading((RawChunk(at, data),), tuple(parser.feed(data, at))))
     return made
