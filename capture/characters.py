@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from capture.scene import CLAY
 from deformation.character import Character, LatticeSettings, mannequin_character
 from deformation.character_files import Skin, bound_character, read_character
+from deformation.example_files import examples_beside, with_examples
 from deformation.mannequin import mannequin_colours
 from deformation.retarget import Retargeter
 from devices.errors import choice_error
@@ -50,21 +51,26 @@ def cast(
     resolution: str = "medium",
     reference: Pose | None = None,
     settings: LatticeSettings | None = None,
+    examples: str | Path | None = None,
 ) -> Cast:
     """The mannequin on the performer's own skeleton, or a file: GLB, VRM, or OBJ and PLY with a rig beside.
 
-    reference: a pose of the performer that stands, for skeletons whose rest pose is none. Raises SettingError for an
-    unknown resolution, FileError for a file that is no character.
+    reference: a pose of the performer that stands, for skeletons whose rest pose is none. examples: a file of example
+    shapes (`deformation.example_files`); otherwise what lies beside the character as `NAME.examples.toml`, if anything.
+    Raises SettingError for an unknown resolution, FileError for a file that is no character or no examples of it.
     """
     if resolution not in RESOLUTIONS:
         raise choice_error("mannequin resolution", resolution, RESOLUTIONS)
     if name == MANNEQUIN:
         character = mannequin_character(performer, resolution, reference, settings)
+        character = with_examples(character, examples) if examples else character
         return Cast(character, colours=mannequin_colours(character.mesh))
     if not Path(name).suffix:
         raise choice_error("character", name, (MANNEQUIN, "the path of a .glb, .vrm, .obj or .ply file"))
     file = read_character(name)
     character = bound_character(file, settings)
+    examples = examples or examples_beside(name)
+    character = with_examples(character, examples, file.placement) if examples else character
     retargeter = Retargeter(performer, character.skeleton, reference, target_bind=character.bind)
     return Cast(character, retargeter, file.skin, file.notes, file.skin.colours if file.skin else CLAY)
 

@@ -51,6 +51,8 @@ class CharacterConfig(_Section):
     """`mannequin`, or the path of an OBJ, PLY, GLB or VRM character."""
     resolution: Literal["low", "medium", "high"] = "medium"
     """The mannequin's: about 7,000, 13,000 or 28,000 vertices."""
+    examples: str = ""
+    """Example shapes, .toml; otherwise `NAME.examples.toml` beside the mesh, if it is there."""
 
 
 class DeviceConfig(_Section):

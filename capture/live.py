@@ -100,7 +100,8 @@ def make_pipeline(config: SessionConfig, progress: Progress = no_progress) -> Pi
     clip = read_motion(config.show.clip) if config.show.clip else None
     director = make_director(who.skeleton, reference, clip)
     look = config.character
-    return Pipeline(reconstructor, cast(look.mesh, who.skeleton, look.resolution, reference), director)
+    chosen = cast(look.mesh, who.skeleton, look.resolution, reference, examples=look.examples or None)
+    return Pipeline(reconstructor, chosen, director)
 
 
 @contextmanager

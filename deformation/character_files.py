@@ -52,10 +52,27 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
+class Placement:
+    """How a file's vertices became the character's: the kept ones, times turn (3, 3) with its scale, plus shift (3,).
+
+    count: how many the file has.
+    """
+
+    count: int
+    turn: NDArray[np.float64]
+    kept: NDArray[np.int64]
+    shift: NDArray[np.float64]
+
+    def placed(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(V', 3) metres of other vertices (V, 3) of the same file's order, such as of another pose."""
+        return vertices[self.kept] @ self.turn + self.shift
+
+
+@dataclass(frozen=True, eq=False)
 class CharacterFile:
     """A character as a file has it, in metres, upright, left at +X, its feet on y = 0.
 
-    notes: what was mended or is worth knowing, one line each.
+    notes: what was mended or is worth knowing, one line each. placement: what was done to its vertices.
     """
 
     name: str
@@ -63,6 +80,7 @@ class CharacterFile:
     rig: Rig | None
     skin: Skin | None
     notes: tuple[str, ...]
+    placement: Placement | None = None
 
 
 def read_character(path: str | Path, unit_m: float | None = None) -> CharacterFile:
@@ -115,7 +133,8 @@ def _placed(character: CharacterFile, unit_m: float | None) -> CharacterFile:
         rig = _rig(rig.skeleton.names, rig.file_names, rig.skeleton.parents, rig.bind[:, :3, 3] @ turn + shift, weights)
     skin = None if character.skin is None else _kept_skin(character.skin, moved, mended.mesh, mended.kept)
     mesh = mended.mesh.with_vertices(mended.mesh.vertices + shift)
-    return replace(character, mesh=mesh, rig=rig, skin=skin, notes=notes)
+    placement = Placement(len(moved.vertices), frozen(turn), frozen(mended.kept), frozen(shift))
+    return replace(character, mesh=mesh, rig=rig, skin=skin, notes=notes, placement=placement)
 
 
 def _kept_skin(skin: Skin, before: Mesh, after: Mesh, kept: NDArray[np.int64]) -> Skin:

@@ -19,6 +19,9 @@ def deform(
     particles: Annotated[int | None, typer.Option(min=50, help="Lattice particles, about; 1,900 otherwise.")] = None,
     cell_size_m: Annotated[float | None, typer.Option(help="Edge of a lattice cell, metres, instead.")] = None,
     painting: Annotated[Path | None, typer.Option(help="Painted weights and softness to lay on, .npz.")] = None,
+    examples: Annotated[
+        Path | None, typer.Option(help="Example shapes, .toml; NAME.examples.toml beside the character otherwise.")
+    ] = None,
     delta: Annotated[float, typer.Option(help="Share of the secondary motion, 0 to 0.95.")] = 0.6,
     frequency_hz: Annotated[float, typer.Option(help="Of the flesh's free swing, 0.5 to 12.")] = 4.5,
     damping_ratio: Annotated[float, typer.Option(help="0 swings on, 1 does not overshoot.")] = 0.3,
@@ -56,7 +59,7 @@ def deform(
     rate = fps or (clip.fps if ending in (".glb", ".npz") else min(clip.fps, 30.0))
     clip = resampled(clip, rate) if abs(rate - clip.fps) > 1e-6 else clip
     cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
-    chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells)
+    chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells, examples)
     tell_all(chosen.notes)
     body, clip = chosen.character, chosen.motion(clip)
     body = painted(body, painting) if painting is not None else body
