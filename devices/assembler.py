@@ -19,8 +19,8 @@ class FrameAssembler:
 
     rate_hz: frames a second. latency_s: how long a frame waits for late readings: what `frames` gives is at least this
     old. extrapolate_s: how far a role is carried past its newest reading when the next is later than that.
-    start_ns: host time of frame 0, by default that of the first reading. epoch_ns: host time that `time_s` counts from,
-    by default that of frame 0.
+    start_ns: host time of frame 0, by default that of the first reading. first: number of the first frame that is made.
+    epoch_ns: host time that `time_s` counts from, by default that of frame 0.
     """
 
     def __init__(
@@ -30,6 +30,7 @@ class FrameAssembler:
         extrapolate_s: float = 0.025,
         start_ns: int | None = None,
         epoch_ns: int | None = None,
+        first: int = 0,
     ) -> None:
         if not (rate_hz > 0 and latency_s >= 0 and extrapolate_s >= 0):
             raise SettingError("a frame rate must be above 0 Hz, latency and extrapolation at least 0 s")
@@ -39,7 +40,7 @@ class FrameAssembler:
         """Readings older than one of the same role before them, or than the start."""
         self._start_ns = start_ns
         self._epoch_ns = epoch_ns
-        self._next = 0
+        self._next = first
         self._tracks = [Track(1.05 / rate_hz, extrapolate_s) for _ in ROLES]
 
     def push(self, readings: Iterable[RoleReading]) -> None:

@@ -8,9 +8,10 @@ from devices.errors import FileError
 from devices.frame import TrackerFrame
 from devices.intake import IDENTITY_ASSIGNMENT, DeviceIntake, RoleReading
 from replay_logs.csv_tracks import read_tracks_csv
+from replay_logs.span import Span
 from replay_logs.take import Take, read_take
 
-_LOOK_AHEAD_S = 0.5
+LOOK_AHEAD_S = 0.5
 """How much of a track is known before its frames are made, so that its sample period is."""
 
 
@@ -31,16 +32,33 @@ def load_frames(path: Path | str, fps: float, warn: Callable[[str], None] = lamb
         take = read_take(path)
         if take.missing:
             warn(take.missing)
-        readings = take.readings()
-        if not readings:
-            raise FileError(f"{path}: no sample of a tracker with a role in it; its devices have {_assigned(take)}")
-        return assemble(readings, fps)
+        return take_frames(take, fps)
     raise FileError(f"{path}: a take ends in .mcap, a tracks file in .csv")
 
 
-def assemble(readings: list[RoleReading], fps: float, epoch_ns: int | None = None) -> list[TrackerFrame]:
-    """Frames from the first reading to the last; readings in time order."""
-    assembler = FrameAssembler(fps, latency_s=_LOOK_AHEAD_S, extrapolate_s=0.0, epoch_ns=epoch_ns)
+def take_frames(take: Take, fps: float) -> list[TrackerFrame]:
+    """`load_frames` of a take in memory; of a trimmed one those that the whole take had in its span, `time_s` from 0.
+
+    Raises FileError where no reading has a role.
+    """
+    readings, span = take.readings(), Span.of(take)
+    if not readings:
+        raise FileError(f"{take.path}: no sample of a tracker with a role in it; its devices have {_assigned(take)}")
+    if span is None:
+        return assemble(readings, fps)
+    first, last = span.frames(fps)
+    epoch_ns = span.origin_ns + round(first / fps * 1e9)
+    frames = assemble(readings, fps, epoch_ns, start_ns=span.origin_ns, first=first)[: last + 1 - first]
+    if not frames:
+        raise FileError(f"{take.path}: no moment of a frame between its first and its last second; trim less of it")
+    return frames
+
+
+def assemble(
+    readings: list[RoleReading], fps: float, epoch_ns: int | None = None, start_ns: int | None = None, first: int = 0
+) -> list[TrackerFrame]:
+    """Frames from the first reading (or from frame `first` after `start_ns`) to the last; readings in time order."""
+    assembler = FrameAssembler(fps, LOOK_AHEAD_S, extrapolate_s=0.0, start_ns=start_ns, epoch_ns=epoch_ns, first=first)
     frames: list[TrackerFrame] = []
     for reading in readings:
         assembler.push((reading,))
