@@ -20,11 +20,11 @@ from capture.streaming import open_stream
 from capture.tuning import LiveSetting, Tuning
 from devices.assembler import FrameAssembler
 from devices.errors import DeviceError, SettingError
-from devices.filters import OneEuroSettings
+from devices.filters import GateSettings, OneEuroSettings
 from devices.intake import IDENTITY_ASSIGNMENT
 from devices.progress import Progress, no_progress
 from devices.reconnecting import ReconnectingDevice
-from devices.registry import default_smoothing, make_device
+from devices.registry import make_device
 from devices.room import RoomTransform
 from reconstruction.motion_files import read_motion
 from reconstruction.solver import Reconstructor, SolverSettings
@@ -72,9 +72,17 @@ def _open_device(config: DeviceConfig, tell: Tell) -> OpenDevice:
     rotation = Rotation.from_euler("YXZ", turns, degrees=True).as_quat().tolist()
     room = RoomTransform(tuple(rotation), config.room_translation_m)
     spoken = linked.protocol
-    smoothing = default_smoothing(spoken) if config.smooth is None else OneEuroSettings() if config.smooth else None
-    recorded = RecordedDevice(config.name, config.protocol, spoken.options(), assignment, room, smoothing=smoothing)
+    gate, smoothing = filters_of(config, spoken.filters_itself)
+    recorded = RecordedDevice(config.name, config.protocol, spoken.options(), assignment, room, gate, smoothing)
     return OpenDevice(driver, recorded)
+
+
+def filters_of(config: DeviceConfig, filters_itself: bool) -> tuple[GateSettings, OneEuroSettings]:
+    """What is done against outliers and noise. filters_itself: whether the device smooths its own output."""
+    smooth = not filters_itself if config.smooth is None else config.smooth
+    gate = GateSettings(config.max_speed_m_s, config.accept_after, config.min_quality, config.gate)
+    cutoffs = (config.min_cutoff_hz, config.beta, config.speed_cutoff_hz)
+    return gate, OneEuroSettings(*cutoffs, smooth, config.smooth_above_mm)
 
 
 def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDevice]) -> TakeRecorder:

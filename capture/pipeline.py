@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from capture.characters import Cast
 from capture.director import Act, Director
+from capture.standings import Standings, StandingsWatch
 from deformation.deformer import DeformedMesh, Deformer
 from devices.frame import TrackerFrame, frozen
 from devices.sample import ROLES
@@ -28,7 +29,7 @@ class Shot:
     frame: the trackers; solution: the pose and how far it can be trusted.
     joints: (J, 4, 4) `T_world_joint` of the performer, as shown.
     skin: the deformed character, its own copy, or None where nothing is skinned.
-    stages_ns: nanoseconds spent by stage.
+    stages_ns: nanoseconds spent by stage. standings: how the trackers have been doing since the start.
     """
 
     frame: TrackerFrame
@@ -36,6 +37,7 @@ class Shot:
     joints: NDArray[np.float64]
     skin: DeformedMesh | None
     stages_ns: dict[str, int]
+    standings: Standings
 
 
 class Pipeline:
@@ -46,6 +48,7 @@ class Pipeline:
     ) -> None:
         self.reconstructor, self.cast, self.director = reconstructor, cast, director
         self.deformer = Deformer(cast.character) if cast else None
+        self._watch = StandingsWatch()
         self._last_s: float | None = None
 
     def step(self, frame: TrackerFrame) -> Shot:
@@ -59,7 +62,7 @@ class Pipeline:
         skin = self._skinned(pose, joints, self._elapsed(frame.time_s))
         end = time.perf_counter_ns()
         stages = {"solve": solved - begin, "joints": stood - solved, "skin": end - stood, "whole frame": end - begin}
-        return Shot(frame, solution, joints, skin, stages)
+        return Shot(frame, solution, joints, skin, stages, self._watch.seen(frame, solution.states))
 
     def warm_up(self) -> None:
         """Runs some frames of the database through and forgets them: no kernel is loaded in the first real ones."""
@@ -88,6 +91,7 @@ class Pipeline:
             self.deformer.reset()
         if self.director:
             self.director.reset()
+        self._watch = StandingsWatch()
         self._last_s = None
 
     def _skinned(self, pose: Pose, joints: NDArray[np.float64], elapsed_s: float) -> DeformedMesh | None:

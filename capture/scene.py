@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from capture.standings import Standing
 from devices.frame import TrackerFrame, TrackerState
 from reconstruction.skeleton import Skeleton
 
@@ -22,12 +23,15 @@ BONE: Colour = (0.98, 0.80, 0.30)
 GHOST: Colour = (0.45, 0.62, 0.85)
 LATTICE: Colour = (0.16, 0.52, 0.66)
 
-STATE_COLOURS: Mapping[TrackerState, Colour] = {
-    TrackerState.MISSING: (0.85, 0.22, 0.20),
-    TrackerState.MEASURED: (0.16, 0.70, 0.42),
-    TrackerState.EXTRAPOLATED: (0.98, 0.66, 0.14),
+STANDING_COLOURS: Mapping[Standing, Colour] = {
+    Standing.MEASURED: (0.16, 0.70, 0.42),
+    Standing.EXTRAPOLATED: (0.98, 0.66, 0.14),
+    Standing.PRIOR: (0.56, 0.36, 0.86),
+    Standing.HELD: (0.36, 0.47, 0.62),
+    Standing.LOST: (0.85, 0.22, 0.20),
+    Standing.ABSENT: (0.72, 0.74, 0.77),
 }
-"""What colour a tracker has in each state."""
+"""What colour a tracker has for each of its standings."""
 
 
 @dataclass(frozen=True)
@@ -142,11 +146,56 @@ class Floor:
     spacing: float = 0.5
 
 
+@dataclass(frozen=True)
+class Badge:
+    """A coloured dot with a few words beside it."""
+
+    colour: Colour
+    text: str
+
+
+@dataclass(frozen=True)
+class PanelRow:
+    """One setting in a panel. share: where it is in its range, 0 to 1, or None for a switch."""
+
+    name: str
+    value: str
+    share: float | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Settings that can be changed now. chosen: the row that keys change; foot: what it does, line by line."""
+
+    rows: tuple[PanelRow, ...]
+    chosen: int = 0
+    foot: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Banner:
+    """What the person before the window is told to do. share: how much of it is done, 0 to 1, as a bar."""
+
+    text: str
+    below: tuple[str, ...] = ()
+    share: float | None = None
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Where in a recording the picture is: share of its length, 0 to 1; marks: the same of noted moments."""
+
+    share: float
+    marks: tuple[float, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """All that one picture shows.
 
-    title: top left; status: lines at the bottom left; figures: a table at the top right, tabs between its columns.
+    title: top left, badges under it; status: lines at the bottom left; legend: at the bottom right; banner: in the
+    upper middle; panel: on the left. figures: a table at the top right, tabs between its columns, its first row the
+    heading. keys: over everything, a tab between key and meaning, lines without one are headings.
     """
 
     surfaces: tuple[Surface, ...] = ()
@@ -155,8 +204,14 @@ class Scene:
     camera: Camera = field(default_factory=Camera)
     floor: Floor | None = field(default_factory=Floor)
     title: str = ""
+    badges: tuple[Badge, ...] = ()
     status: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
+    legend: tuple[Badge, ...] = ()
+    panel: Panel | None = None
+    banner: Banner | None = None
+    timeline: Timeline | None = None
+    keys: tuple[str, ...] = ()
 
     def points(self) -> NDArray[np.float64]:
         """(N, 3) every point it holds, for framing."""
@@ -168,10 +223,33 @@ class Scene:
         return replace(self, camera=self.camera.framed(self.points(), aspect, margin))
 
 
-def tracker_spheres(frame: TrackerFrame, radius: float = 0.03) -> Spheres:
-    """The trackers of one frame in the colours of their states; those without a position are left out."""
-    colours = np.array([STATE_COLOURS[TrackerState(int(state))] for state in frame.states])
-    return Spheres(frame.positions, radius, colours, through=0.4)
+def tracker_spheres(
+    frame: TrackerFrame,
+    radius: float = 0.03,
+    now: NDArray[np.integer] | None = None,
+    places: NDArray[np.float64] | None = None,
+) -> Spheres:
+    """The trackers of one frame in the colours of their standings.
+
+    now: (6,) of `Standing`; from the frame alone where None. places: (6, 3) metres where the pose has them: those
+    without a position stand there, a little smaller. Left out are those with neither, and those that nobody wears.
+    """
+    if now is None:
+        now = np.array([_STANDING_OF[TrackerState(int(state))] for state in frame.states])
+    centres, radii = frame.positions, np.full(len(now), radius)
+    if places is not None:
+        guessed = ~frame.measured & (now != Standing.ABSENT)
+        centres = np.where(guessed[:, None], places, centres)
+        radii = np.where(guessed, 0.8 * radius, radii)
+    colours = np.array([STANDING_COLOURS[Standing(int(standing))] for standing in now])
+    return Spheres(centres, radii, colours, through=0.4)
+
+
+_STANDING_OF = {
+    TrackerState.MISSING: Standing.LOST,
+    TrackerState.MEASURED: Standing.MEASURED,
+    TrackerState.EXTRAPOLATED: Standing.EXTRAPOLATED,
+}
 
 
 def skeleton_marks(
@@ -197,18 +275,19 @@ def ghost_marks(skeleton: Skeleton, joints: NDArray[np.float64], opacity: float 
 
 
 def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
-    """Two scenes in one picture, `apart_m` metres between their middles, seen as the left one is."""
+    """Two scenes in one picture, `apart_m` metres between their middles, seen as the left one is.
+
+    Words are the left one's; whoever calls knows how the two belong together.
+    """
     aside = apart_m / 2 * left.camera.axes[0]
-    a, b = _moved(left, -aside), _moved(right, aside)
+    shift = np.subtract(left.camera.target, right.camera.target) * (1.0, 0.0, 1.0)
+    a, b = _moved(left, -aside), _moved(right, aside + shift)
     return replace(
         left,
         surfaces=a.surfaces + b.surfaces,
         lines=a.lines + b.lines,
         spheres=a.spheres + b.spheres,
         camera=replace(left.camera, distance=1.25 * left.camera.distance),
-        title="   |   ".join(title for title in (left.title, right.title) if title),
-        status=left.status + right.status,
-        figures=left.figures + right.figures,
     )
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from capture.latency import percentiles_ms
+from capture.profiles import load_profile
 from devices.errors import FileError, SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
-from reconstruction.calibration import Profile
 from reconstruction.database import MotionDatabase
 from reconstruction.motion import Motion
 from reconstruction.mounting import Mounting
@@ -49,13 +49,13 @@ def solve_take(
     method: str = "default",
     height_m: float | None = None,
     trackers: str | None = None,
-    profile: Path | None = None,
+    profile: str | Path | None = None,
     progress: Progress = no_progress,
 ) -> SolvedTake:
     """Every frame of a `.mcap` take or a `.csv` of tracks, solved on a body of that stature (the database's if None).
 
-    method: `default` or `paper`. trackers: the roles to use, with commas between; all where None. profile: a file that
-    `sixpoint calibrate` wrote, in place of the stature. Raises FileError and SettingError.
+    method: `default` or `paper`. trackers: the roles to use, with commas between; all where None. profile: a
+    performer's name or file of `sixpoint calibrate`, in place of the stature. Raises FileError and SettingError.
     """
     frames = load_frames(take, database.fps, warn=lambda message: print(f"sixpoint: {message}", file=sys.stderr))
     if trackers is not None:
@@ -75,11 +75,11 @@ class Performer:
     mounting: Mounting | None = None
 
 
-def performer(database: MotionDatabase, height_m: float | None = None, profile: Path | None = None) -> Performer:
+def performer(database: MotionDatabase, height_m: float | None = None, profile: str | Path | None = None) -> Performer:
     """The performer of a calibration profile, or the database's body, scaled to a stature where one is given."""
     body = database.space.skeleton
     if profile is not None:
-        known = Profile.read(profile)
+        known = load_profile(profile)
         return Performer(known.skeleton(body), known.mounting)
     return Performer(body if height_m is None else scaled_to_stature(body, height_m))
 

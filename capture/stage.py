@@ -8,12 +8,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from capture.characters import Cast
-from capture.scene import LATTICE, Camera, Lines, Scene, Spheres, Surface, skeleton_marks, tracker_spheres
+from capture.curve_marks import curve_strokes
+from capture.scene import (
+    LATTICE,
+    Camera,
+    Lines,
+    Scene,
+    Spheres,
+    Surface,
+    ghost_marks,
+    skeleton_marks,
+    tracker_spheres,
+)
 from capture.skin_colours import SkinColours
+from capture.standings import Standings
 from capture.viewing import Layers
 from deformation.character import Character
 from deformation.deformer import DeformedMesh
 from devices.frame import TrackerFrame, frozen
+from devices.sample import ROLES
 from reconstruction.skeleton import Skeleton
 
 DOUBTFUL = np.array([0.90, 0.22, 0.16])
@@ -66,10 +79,13 @@ class Stage:
         sigma: NDArray[np.float64] | None = None,
         status: Sequence[str] = (),
         title: str = "",
+        standings: Standings | None = None,
+        ghosts: NDArray[np.float64] | None = None,
     ) -> Scene:
         """One moment, `time_s` seconds into whatever is shown.
 
-        joints: (J, 4, 4) `T_world_joint`; sigma: (J,) radians, for the uncertainty tint.
+        joints: (J, 4, 4) `T_world_joint`; sigma: (J,) radians, for the uncertainty tint; standings: of the trackers;
+        ghosts: (K, J, 3) metres, other poses of the performer.
         """
         surfaces, lines, spheres = [], [], []
         if skin is not None:
@@ -81,9 +97,15 @@ class Stage:
             lines.append(bones)
             spheres.append(balls)
         if layers.trackers and frame is not None:
-            spheres.append(tracker_spheres(frame))
+            spheres.append(self._trackers(frame, standings, joints))
+        if layers.ghosts and ghosts is not None:
+            lines.append(ghost_marks(self.skeleton, ghosts))
         if layers.lattice and skin is not None:
             lines.append(Lines(frozen(skin.particles.copy()), self._lattice(), LATTICE, width=1.0, opacity=0.55))
+        if layers.curves and skin is not None and self.character is not None:
+            curves = curve_strokes(self.character.mesh)
+            lifted = curves.lifted(skin.vertices, skin.normals)
+            lines.append(Lines(lifted, curves.segments, curves.colours, width=1.0, opacity=0.8))
         camera = self._camera(time_s, joints[:, :3, 3])
         legend = self._colours.legend(layers.paint, layers.bone) if self._colours and surfaces else ""
         words = (*(status if layers.statistics else ()), *([legend] if legend else ()))
@@ -92,6 +114,12 @@ class Stage:
     def cut(self) -> None:
         """The next scene is not the one after: the camera jumps to it."""
         self._view = None
+
+    def _trackers(self, frame: TrackerFrame, standings: Standings | None, joints: NDArray[np.float64]) -> Spheres:
+        if standings is None:
+            return tracker_spheres(frame)
+        places = joints[[self.skeleton.role_joint(role) for role in ROLES], :3, 3]
+        return tracker_spheres(frame, now=standings.now, places=places)
 
     def _follow(self, character: Character) -> None:
         """The character may have been bound anew, to a finer lattice say, since the last scene."""

@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.raster import FIGURES_TAB, lit_colours, word_card
-from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface
-from capture.viewing import Action, Controls, FrameSource, Layers, Playback
+from capture.raster import PlacedCard, lit_colours, placed_cards
+from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface, Timeline
+from capture.viewing import Action, Controls, FrameSource, Layers, Playback, still
 from capture.window_process import show_apart
 from devices.errors import SixpointError
 
 _BACKGROUND = (0.885, 0.90, 0.92)
 _GRID = (0.72, 0.75, 0.79)
 _SHADOW = (0.74, 0.76, 0.79)
-_CARD = (0.96, 0.965, 0.975)
 _TO_LIGHT = (-0.45, 1.0, 0.5)
 _NEAR_M, _FAR_M = 0.02, 200.0
 _PULL = 0.1
@@ -103,11 +102,14 @@ def show_here(
     controls = Controls(Playback(source.duration_s, source.frame_s), layers=layers or Layers(), actions=dict(actions))
     with _Window(title, width, height, controls) as window:
         before, drawn = time.perf_counter(), 0
+        scene: Scene | None = None
         while window.is_open and drawn != pictures and not (until and until()):
             now = time.perf_counter()
             controls.playback.advance(now - before)
             before = now
-            window.draw(_controlled(source.scene(controls.playback.time_s, controls.layers), controls))
+            seen = source.scene(controls.playback.time_s, controls.layers)
+            scene = seen if scene is None or not controls.playback.frozen else still(scene, seen)
+            window.draw(controlled(scene, controls))
             drawn += 1
             time.sleep(max(1 / 60 - (time.perf_counter() - now), 0.0))
 
@@ -119,10 +121,21 @@ def snapshot(scene: Scene, width: int = 960, height: int = 540) -> NDArray[np.ui
         return window.pixels()
 
 
-def _controlled(scene: Scene, controls: Controls) -> Scene:
-    """The scene from where the person looks, with the clock under its status."""
-    status = (*scene.status, controls.playback.words() + "   H: keys")
-    return replace(scene, camera=controls.camera(scene.camera), status=status)
+def controlled(scene: Scene, controls: Controls) -> Scene:
+    """The scene from where the person looks, with the clock and, where they are asked for, the keys."""
+    playback = controls.playback
+    status = (*scene.status, playback.words() + "   H: keys")
+    timeline = scene.timeline
+    if playback.duration_s:
+        timeline = Timeline(playback.time_s / playback.duration_s, timeline.marks if timeline else ())
+    return replace(
+        scene,
+        camera=controls.camera(scene.camera),
+        status=status,
+        timeline=timeline,
+        floor=scene.floor if controls.layers.floor else None,
+        keys=controls.help() if controls.show_help else (),
+    )
 
 
 def _open3d() -> ModuleType:
@@ -154,7 +167,7 @@ class _Window:
         self._controls = controls
         self._parts: dict[tuple[str, int], _Part] = {}
         self._words: tuple[object, float] = (None, -1.0)
-        self._cards: list[tuple[NDArray[np.uint8], str]] = []
+        self._cards: list[PlacedCard] = []
         self._mouse: tuple[float, float, int | None, bool] = (0.0, 0.0, None, False)
         self._vis = self._o3d.visualization.VisualizerWithKeyCallback()
         if not self._vis.create_window(title, width, height):
@@ -225,24 +238,16 @@ class _Window:
         view.convert_from_pinhole_camera_parameters(parameters, allow_arbitrary=True)
 
     def _word_parts(self, scene: Scene) -> dict[tuple[str, int], "_Part"]:
-        keys = self._controls.help() if self._controls.show_help else ()
-        wanted = (scene.title, scene.status, scene.figures, keys)
+        words = (scene.title, scene.badges, scene.status, scene.figures, scene.legend, scene.panel, scene.banner)
+        wanted = (self._size, *words, scene.timeline, scene.keys)
         known, when = self._words
         now = time.perf_counter()
         if wanted != known and now - when > 1 / _WORDS_HZ:
-            self._cards = []
-            if scene.title:
-                self._cards.append((word_card((scene.title,), self._size[1], _BACKGROUND, large=True), "top"))
-            if scene.status:
-                self._cards.append((word_card(scene.status, self._size[1], _BACKGROUND), "bottom"))
-            if scene.figures:
-                self._cards.append((word_card(scene.figures, self._size[1], _CARD, tab=FIGURES_TAB), "corner"))
-            if keys:
-                self._cards.append((word_card(keys, self._size[1], _CARD, tab=6.0), "right"))
+            self._cards = placed_cards(scene, *self._size, _BACKGROUND)
             self._words = (wanted, now)
         return {
-            ("card", index): _card_part(image, scene.camera, self._size, edge)
-            for index, (image, edge) in enumerate(self._cards)
+            ("card", index): _card_part(placed, scene.camera, self._size, index)
+            for index, placed in enumerate(self._cards)
         }
 
     def _listen(self) -> None:
@@ -426,16 +431,15 @@ def _floor_part(floor: Floor, camera: Camera, reach_m: float = 9.0) -> _Part:
     return _Part(points, shown * np.array(_GRID) + (1 - shown) * np.array(_BACKGROUND), segments=segments)
 
 
-def _card_part(image: NDArray[np.uint8], camera: Camera, size: tuple[int, int], place: str) -> _Part:
-    """A picture of words, held upright before the eye: top or bottom left, middle right, or the top right corner."""
-    (width, height), (rows, columns) = size, image.shape[:2]
-    margin = height / 40
-    left = width / 2 - margin - columns if place in ("right", "corner") else -width / 2 + margin
-    top = {"bottom": -height / 2 + margin + rows, "right": rows / 2}.get(place, height / 2 - margin)
+def _card_part(placed: PlacedCard, camera: Camera, size: tuple[int, int], number: int) -> _Part:
+    """A picture of words, held upright before the eye, a later one before an earlier one."""
+    (width, height), (rows, columns) = size, placed.card.shape[:2]
+    left, top = placed.left - width / 2, height / 2 - placed.top
     flat = np.array([[left, top - rows], [left + columns, top - rows], [left + columns, top], [left, top]])
-    metres = 2 * _CARD_M * np.tan(0.5 * camera.fov) / height
-    corners = camera.eye + flat * metres @ camera.axes[:2] - _CARD_M * camera.axes[2]
-    return _Part(corners, None, _CARD_FACES, texture=image)
+    before_m = _CARD_M * (1 - 0.005 * number)
+    metres = 2 * before_m * np.tan(0.5 * camera.fov) / height
+    corners = camera.eye + flat * metres @ camera.axes[:2] - before_m * camera.axes[2]
+    return _Part(corners, None, _CARD_FACES, texture=placed.card)
 
 
 def _ball(rings: int = 8, around: int = 14) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -456,6 +460,10 @@ def _key_codes() -> dict[int, str]:
         256: "Escape",
         262: "Right",
         263: "Left",
+        264: "Down",
+        265: "Up",
+        258: "Tab",
+        259: "Backspace",
         268: "Home",
         269: "End",
         334: "+",

@@ -32,6 +32,7 @@ class Layers:
     ghosts: bool = False
     uncertainty: bool = False
     statistics: bool = True
+    floor: bool = True
     paint: str = "skin"
     bone: int = 0
 
@@ -54,12 +55,21 @@ class FrameSource(Protocol):
         ...
 
 
+def _always() -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class Action:
-    """A key of the session's own. text: what it does, for the help; do: called from the window's thread."""
+    """A key of the session's own.
+
+    text: what it does, for the help, or empty for a key that is listed with another; do: called from the window's
+    thread; now: whether it has the key at this moment, or else it does what it does in any window.
+    """
 
     text: str
     do: Callable[[], None]
+    now: Callable[[], bool] = _always
 
 
 @dataclass
@@ -76,6 +86,11 @@ class Playback:
     @property
     def is_live(self) -> bool:
         return self.duration_s is None
+
+    @property
+    def frozen(self) -> bool:
+        """Whether a live picture stands still, while the session goes on."""
+        return self.is_live and self.paused
 
     def advance(self, elapsed_s: float) -> None:
         """Lets that much time pass on the wall; at the end it starts again, or stops where it does not loop."""
@@ -127,7 +142,7 @@ class Controls:
 
     def press(self, key: str) -> bool:
         """Does what a key is for (names as in `KEYS`); False where it is for nothing."""
-        if key in self.actions:
+        if key in self.actions and self.actions[key].now():
             self.actions[key].do()
         elif key in _PRESSES:
             _PRESSES[key](self)
@@ -158,13 +173,25 @@ class Controls:
         self.yaw, self.pitch, self.zoom, self.pan = 0.0, 0.0, 1.0, (0.0, 0.0)
 
     def help(self) -> tuple[str, ...]:
-        """One line a key, a tab between key and meaning, the session's own at the end."""
-        own = [(key, action.text) for key, action in self.actions.items()]
-        recording = [] if self.playback.is_live else _RECORDING_KEYS
-        return tuple(f"{key}\t{text}" for key, text in (*recording, *_KEYS, *own))
+        """One line a key, a tab between key and meaning; lines without a tab are headings."""
+        own = tuple((key, action.text) for key, action in self.actions.items() if action.text)
+        groups = (
+            ("Recording", () if self.playback.is_live else _RECORDING_KEYS),
+            ("This session" if self.playback.is_live else "This replay", own),
+            ("Shown", _LAYER_KEYS),
+            ("Camera and window", _WINDOW_KEYS),
+        )
+        lines = []
+        for heading, keys in groups:
+            lines += [heading, *(f"{key}\t{text}" for key, text in keys)] if keys else []
+        return tuple(lines)
 
     def _toggle(self, layer: str) -> None:
         self.layers = replace(self.layers, **{layer: not getattr(self.layers, layer)})
+
+    def _paint(self, paints: int, bones: int) -> None:
+        paint = PAINTS[(PAINTS.index(self.layers.paint) + paints) % len(PAINTS)]
+        self.layers = replace(self.layers, paint=paint, bone=self.layers.bone + bones)
 
     def _pause(self) -> None:
         self.playback.paused = not self.playback.paused
@@ -193,8 +220,7 @@ _RECORDING_KEYS = (
     ("[", "slower"),
     ("]", "faster"),
 )
-_KEYS = (
-    ("Space", "pause"),
+_LAYER_KEYS = (
     ("1", "skin"),
     ("2", "skeleton"),
     ("3", "trackers"),
@@ -203,6 +229,12 @@ _KEYS = (
     ("6", "ghosts of the nearest poses"),
     ("7", "uncertainty"),
     ("8", "figures"),
+    ("9", "floor"),
+    ("B", "paint the skin: bones, parts, weights ..."),
+    ("N", "the next bone, painted by weights"),
+)
+_WINDOW_KEYS = (
+    ("Space", "pause"),
     ("A D W S", "circle (or drag the mouse)"),
     ("+ -", "nearer, farther (or the wheel)"),
     ("0", "the camera as it was"),
@@ -228,6 +260,9 @@ _PRESSES: Mapping[str, Callable[[Controls], None]] = {
     "6": lambda c: c._toggle("ghosts"),
     "7": lambda c: c._toggle("uncertainty"),
     "8": lambda c: c._toggle("statistics"),
+    "9": lambda c: c._toggle("floor"),
+    "B": lambda c: c._paint(1, 0),
+    "N": lambda c: c._paint(0, 1),
     "A": lambda c: c._turn_by(-_TURN, 0.0),
     "D": lambda c: c._turn_by(_TURN, 0.0),
     "W": lambda c: c._turn_by(0.0, _TURN),
@@ -239,6 +274,11 @@ _PRESSES: Mapping[str, Callable[[Controls], None]] = {
     "Q": Controls._close,
     "Escape": Controls._close,
 }
+
+
+def still(before: Scene, now: Scene) -> Scene:
+    """The picture of before with the words of now."""
+    return replace(now, surfaces=before.surfaces, lines=before.lines, spheres=before.spheres, camera=before.camera)
 
 
 def _clock(time_s: float) -> str:

@@ -1,80 +1,102 @@
-"""Words over a picture, in the typeface that Pillow carries."""
+"""The words of a scene: which cards there are, and where each lies in the picture."""
 
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-_INK, _PALE_INK = (38, 44, 54), (70, 78, 92)
-_CARD = (0.96, 0.965, 0.975)
-FIGURES_TAB = 7.0
-"""Where the second column of a table of figures begins, in letter heights; the others follow at a third of that."""
+from capture.raster.cards import (
+    Card,
+    badges_card,
+    banner_card,
+    keys_card,
+    letter_height,
+    panel_card,
+    table_card,
+    timeline_card,
+    words_card,
+)
+from capture.scene import Colour, Scene
+
+_SOLID = 0.88
+"""How much of a framed card is card, and not the picture behind it."""
 
 
-def letter(
-    image: NDArray[np.uint8], title: str, status: tuple[str, ...], figures: tuple[str, ...] = ()
-) -> NDArray[np.uint8]:
-    """`image` (H, W, 3) with the title at the top left, status lines at the bottom left, a table at the top right."""
-    if not (title or status or figures):
-        return image
-    from PIL import Image, ImageDraw
+@dataclass(frozen=True, eq=False)
+class PlacedCard:
+    """A card with its upper left corner, pixels from the picture's; framed cards are laid over the picture."""
 
+    card: Card
+    left: int
+    top: int
+    framed: bool
+
+
+def placed_cards(scene: Scene, width: int, height: int, background: Colour) -> list[PlacedCard]:
+    """The words of a scene for a picture of that size, what lies on top last. background: behind unframed words."""
+    margin = max(height // 34, 6)
+    placed: list[PlacedCard] = []
+
+    def put(card: Card, x: float, y: float, framed: bool) -> PlacedCard:
+        """x, y: 0 at the left or top margin, 1 at the right or bottom one."""
+        rows, columns = card.shape[:2]
+        left, top = margin + x * (width - 2 * margin - columns), margin + y * (height - 2 * margin - rows)
+        placed.append(PlacedCard(card, round(max(left, 0)), round(max(top, 0)), framed))
+        return placed[-1]
+
+    def under(card: Card, above: PlacedCard | None) -> None:
+        top = margin if above is None else above.top + above.card.shape[0]
+        placed.append(PlacedCard(card, margin, top, False))
+
+    title = put(words_card((scene.title,), height, background, large=True), 0, 0, False) if scene.title else None
+    if scene.badges:
+        under(badges_card(scene.badges, height, background), title)
+    lift = 0
+    if scene.timeline is not None:
+        bar = timeline_card(scene.timeline, width - 2 * margin, height, background)
+        lift = bar.shape[0]
+        placed.append(PlacedCard(bar, margin, height - margin // 2 - lift, False))
+        lift -= margin // 2
+    for card, x in _at_the_foot(scene, height, background):
+        lowest = put(card, x, 1, False)
+        placed[-1] = PlacedCard(card, lowest.left, lowest.top - lift, False)
+    if scene.figures:
+        put(table_card(scene.figures, height), 1, 0, True)
+    if scene.panel is not None and scene.panel.rows:
+        put(panel_card(scene.panel, height), 0, 0.45, True)
+    if scene.banner is not None:
+        put(banner_card(scene.banner, height), 0.5, 0.12, True)
+    if scene.keys:
+        put(keys_card(scene.keys, height), 0.5, 0.5, True)
+    return placed
+
+
+def _at_the_foot(scene: Scene, height: int, background: Colour) -> list[tuple[Card, float]]:
+    cards = []
+    if scene.status:
+        cards.append((words_card(scene.status, height, background), 0.0))
+    if scene.legend:
+        cards.append((badges_card(scene.legend, height, background, across=True), 1.0))
+    return cards
+
+
+def letter(image: NDArray[np.uint8], scene: Scene, background: Colour) -> NDArray[np.uint8]:
+    """`image` (H, W, 3) sRGB bytes with the scene's words on it. background: what unframed cards were made on."""
     height, width = image.shape[:2]
-    size, margin = _letter_height(height), max(height // 30, 6)
-    picture = Image.fromarray(image)
-    draw = ImageDraw.Draw(picture)
-    if title:
-        draw.text((margin, margin * 0.8), title, fill=_INK, font=_font(round(size * 1.25)))
-    for line, text in enumerate(reversed(status)):
-        top = height - margin - (line + 1) * round(size * 1.35)
-        draw.text((margin, top), text, fill=_PALE_INK, font=_font(size))
-    if figures:
-        card = Image.fromarray(word_card(figures, height, _CARD, tab=FIGURES_TAB))
-        corner = (width - margin - card.width, margin)
-        behind = picture.crop((*corner, corner[0] + card.width, corner[1] + card.height))
-        picture.paste(Image.blend(behind, card, 0.8), corner)
-    return np.asarray(picture)
+    cards = placed_cards(scene, width, height, background)
+    if not cards:
+        return image
+    image = image.copy()
+    plain = np.round(255 * np.array(background))
+    for placed in cards:
+        top, left = placed.top, placed.left
+        behind = image[top : top + placed.card.shape[0], left : left + placed.card.shape[1]]
+        card = placed.card[: behind.shape[0], : behind.shape[1]].astype(np.float64)
+        if placed.framed:
+            behind[:] = np.round(_SOLID * card + (1 - _SOLID) * behind)
+        else:
+            behind[:] = np.round(np.clip(behind + (card - plain), 0, 255))
+    return image
 
 
-def word_card(
-    lines: tuple[str, ...],
-    height: int,
-    background: tuple[float, float, float],
-    large: bool = False,
-    tab: float = 0.0,
-) -> NDArray[np.uint8]:
-    """A card (h, w, 3) just large enough for lines of words, in the size that `letter` has at that picture height.
-
-    tab: where the words after a line's first tab begin, in letter heights; after each further one, a third as much on.
-    """
-    from PIL import Image, ImageDraw
-
-    size = round(_letter_height(height) * (1.25 if large else 1.0))
-    font, pitch = _font(size), round(size * 1.35)
-    pieces = [
-        (row, _column(column) * tab * size, text)
-        for row, line in enumerate(lines)
-        for column, text in enumerate(line.split("\t"))
-    ]
-    width = max(round(left + font.getlength(text)) for _, left, text in pieces) + size
-    card = Image.new("RGB", (width, pitch * len(lines) + size // 2), tuple(round(255 * c) for c in background))
-    draw = ImageDraw.Draw(card)
-    for row, left, text in pieces:
-        place = (size // 2 + left, row * pitch + size // 4)
-        draw.text(place, text, fill=_INK if large else _PALE_INK, font=font)
-    return np.asarray(card)
-
-
-def _column(number: int) -> float:
-    return 0.0 if number == 0 else 1.0 + (number - 1) / 3
-
-
-def _letter_height(picture_height: int) -> int:
-    return max(picture_height // 36, 10)
-
-
-@cache
-def _font(size: int):
-    from PIL import ImageFont
-
-    return ImageFont.load_default(size)
+__all__ = ["PlacedCard", "letter", "letter_height", "placed_cards"]

@@ -93,7 +93,7 @@ def render(scene: Scene, width: int = 960, height: int = 540, samples: int = 2) 
     for ghost in (s for s in scene.surfaces if 0.0 < s.opacity < 1.0):
         _draw_surface(image, view, _joined([ghost]), lights, _NO_SHADOW, ghost.opacity, samples, behind=nearness)
     _draw_marks(image, view, scene, lights, nearness)
-    return letter(srgb_bytes(image), scene.title, scene.status, scene.figures)
+    return letter(srgb_bytes(image), scene, _BACKDROP)
 
 
 def lit_colours(surface: Surface, camera: Camera) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from capture.scene import (
     BONE,
-    STATE_COLOURS,
+    STANDING_COLOURS,
     Camera,
     Scene,
     Spheres,
@@ -16,7 +16,8 @@ from capture.scene import (
     skeleton_marks,
     tracker_spheres,
 )
-from devices.frame import TrackerFrame, TrackerState
+from capture.standings import Standing
+from devices.frame import TrackerFrame
 from reconstruction.kinematics import world_joints
 from reconstruction.standard_body import standard_skeleton
 
@@ -65,8 +66,8 @@ def test_orbiting_stops_short_of_the_poles():
 def test_trackers_wear_the_colours_of_their_states():
     frame = TrackerFrame.from_positions(0.0, {"head": (0.0, 1.6, 0.0)})
     spheres = tracker_spheres(frame)
-    assert np.allclose(np.asarray(spheres.colours)[1], STATE_COLOURS[TrackerState.MEASURED])
-    assert np.allclose(np.asarray(spheres.colours)[0], STATE_COLOURS[TrackerState.MISSING])
+    assert np.allclose(np.asarray(spheres.colours)[1], STANDING_COLOURS[Standing.MEASURED])
+    assert np.allclose(np.asarray(spheres.colours)[0], STANDING_COLOURS[Standing.LOST])
     assert np.isnan(spheres.centres[0]).all()
 
 
@@ -98,5 +99,5 @@ def test_side_by_side_keeps_both_and_puts_them_apart_across_the_picture():
     both = side_by_side(one, Scene(spheres=(Spheres(np.array([[0.0, 1, 0]])),), title="b"), apart_m=2.0)
     left, right = both.points() @ both.camera.axes.T
     assert np.allclose(right - left, [2, 0, 0])
-    assert both.title == "a   |   b"
+    assert both.title == "a"
     assert both.status == ("x",)

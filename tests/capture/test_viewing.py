@@ -10,6 +10,11 @@ from capture.scene import Camera
 from capture.viewing import SPEEDS, Action, Controls, Playback
 
 
+def listed(controls):
+    """The lines of the help that are keys, not headings."""
+    return [line for line in controls.help() if "\t" in line]
+
+
 def test_a_recording_plays_round_and_round():
     playback = Playback(duration_s=2.0)
     playback.advance(1.5)
@@ -95,7 +100,7 @@ def test_the_sessions_own_keys_are_done_and_listed():
 
 def test_every_key_in_the_help_does_something():
     controls = Controls(Playback(5.0))
-    for line in controls.help():
+    for line in listed(controls):
         for key in line.split("\t")[0].split(" "):
             assert controls.press(key)
 
@@ -127,6 +132,6 @@ def test_dragging_moves_the_picture_with_the_mouse():
 def test_the_page_on_the_window_names_every_key():
     page = (Path(__file__).parents[2] / "docs" / "window.md").read_text()
     table = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("|"))
-    for line in Controls(Playback(5.0)).help():
+    for line in listed(Controls(Playback(5.0))):
         for key in line.split("\t")[0].split(" "):
             assert key in table
