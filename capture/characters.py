@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capture.scene import CLAY
-from deformation.character import Character, LatticeSettings, mannequin_character
+from deformation.character import Character, LatticeSettings, make_character
 from deformation.character_files import Skin, bound_character, read_character
 from deformation.example_files import examples_beside, with_examples
-from deformation.mannequin import mannequin_colours
+from deformation.mannequin import mannequin, mannequin_colours
+from deformation.painting import UNPAINTED, painting_beside, read_painting
 from deformation.retarget import Retargeter
 from devices.errors import choice_error
 from reconstruction.database import MotionDatabase
@@ -52,23 +53,31 @@ def cast(
     reference: Pose | None = None,
     settings: LatticeSettings | None = None,
     examples: str | Path | None = None,
+    painting: str | Path | None = None,
 ) -> Cast:
     """The mannequin on the performer's own skeleton, or a file: GLB, VRM, or OBJ and PLY with a rig beside.
 
     reference: a pose of the performer that stands, for skeletons whose rest pose is none. examples: a file of example
     shapes (`deformation.example_files`); otherwise what lies beside the character as `NAME.examples.toml`, if anything.
-    Raises SettingError for an unknown resolution, FileError for a file that is no character or no examples of it.
+    painting: a file of what is painted on it (`deformation.painting`); otherwise `NAME.painting.npz` or `.toml` there.
+    Raises SettingError for an unknown resolution, FileError for a file that is no character, no examples or painting of
+    it.
     """
     if resolution not in RESOLUTIONS:
         raise choice_error("mannequin resolution", resolution, RESOLUTIONS)
     if name == MANNEQUIN:
-        character = mannequin_character(performer, resolution, reference, settings)
+        mesh, bind = mannequin(performer, resolution, reference)
+        paint = read_painting(painting, performer, len(mesh.vertices)) if painting else UNPAINTED
+        character = make_character(mesh, performer, bind, name, settings, paint)
         character = with_examples(character, examples) if examples else character
         return Cast(character, colours=mannequin_colours(character.mesh))
     if not Path(name).suffix:
         raise choice_error("character", name, (MANNEQUIN, "the path of a .glb, .vrm, .obj or .ply file"))
     file = read_character(name)
-    character = bound_character(file, settings)
+    painting = painting or painting_beside(name)
+    vertices = len(file.mesh.vertices)
+    paint = read_painting(painting, file.rig.skeleton, vertices) if painting and file.rig else UNPAINTED
+    character = bound_character(file, settings, painting=paint)
     examples = examples or examples_beside(name)
     character = with_examples(character, examples, file.placement) if examples else character
     retargeter = Retargeter(performer, character.skeleton, reference, target_bind=character.bind)

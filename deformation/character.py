@@ -6,14 +6,25 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.heat_weights import blur, heat_weights, separate_branches, skeleton_bones, spread, strongest
+from deformation.heat_weights import blur, separate_branches, strongest
 from deformation.lattice import CORNERS, Lattice, build_lattices, cell_size_for, expected_cell_size, trilinear
-from deformation.materials import default_softness
+from deformation.materials import joint_softness
 from deformation.mesh import Mesh
+from deformation.painted import (
+    laid_over,
+    overlaid,
+    painted_bone_parts,
+    painted_bones,
+    painted_half_widths,
+    painted_joint_parts,
+    painted_softness,
+    painted_weights,
+)
+from deformation.painting import UNPAINTED, Painting
 from deformation.pose_shapes import ExampleShape
 from deformation.shape_matching import Regions, make_regions
 from deformation.skinning import Binding, bind_points
-from deformation.volume import VolumeParts, volume_parts
+from deformation.volume import VolumeParts, joint_parts, volume_parts
 from devices.errors import SettingError
 from devices.frame import frozen
 from reconstruction.motion import Pose
@@ -52,6 +63,7 @@ class Character:
     parts: the lattice by joints, for the volume. softness: (P,) 0 to 1, share of the secondary motion taken.
     regions: what moves together in shape matching, with a half-width for each particle.
     examples: shapes that come in as joints turn, over all else (`pose_shapes`).
+    settings, painting: what it was bound with, for binding it anew.
     """
 
     name: str
@@ -66,6 +78,8 @@ class Character:
     softness: NDArray[np.float64]
     regions: Regions
     examples: tuple[ExampleShape, ...] = ()
+    settings: LatticeSettings = LatticeSettings()
+    painting: Painting = UNPAINTED
 
     @cached_property
     def bind_inverse(self) -> NDArray[np.float64]:
@@ -79,12 +93,12 @@ def make_character(
     bind: NDArray[np.float64],
     name: str = "character",
     settings: LatticeSettings | None = None,
-    vertex_weights: NDArray[np.float64] | None = None,
+    painting: Painting = UNPAINTED,
 ) -> Character:
     """Binds a mesh (metres) to a skeleton that stands in it at bind (J, 4, 4), by heat in a lattice.
 
     The heat is worked out on a lattice of half the cell size, and carried from there to vertices and particles.
-    vertex_weights: (V, J), rows sum to 1, to use painted weights instead of heat.
+    painting: what is not to be found but as painted, weights say.
     Raises SettingError where the settings or the mesh give no lattice.
     """
     settings = settings or LatticeSettings()
@@ -92,16 +106,19 @@ def make_character(
     if len(fine.particles) > _MOST_WEIGHED:
         fine, parents = lattice, np.arange(len(lattice.cells), dtype=np.int32)
     positions = np.ascontiguousarray(bind[:, :3, 3])
-    bones = skeleton_bones(skeleton, positions, settings.bone_width * lattice.cell_size / 2, settings.bone_strength)
-    if vertex_weights is not None:
-        fine_weights, on_vertices = spread(fine, vertex_weights), vertex_weights
-    else:
-        fine_weights = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
-        on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, fine_weights[fine.cells[fine.vertex_cells]])
+    bones = painted_bones(
+        skeleton,
+        positions,
+        settings.bone_width * lattice.cell_size / 2,
+        settings.bone_strength,
+        painting,
+    )
+    fine_weights, on_vertices = painted_weights(fine, bones, skeleton, positions, painting)
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
     on_particles = separate_branches(blur(lattice) @ coarser(fine_weights, fine, lattice, parents), skeleton, positions)
     joints, weights = (frozen(a) for a in strongest(on_particles))
     binding = bind_points(skeleton, positions, joints, weights)
+    part_of = joint_parts(lattice, painted_bone_parts(lattice, binding, painting), skeleton, positions)
     return Character(
         name,
         mesh,
@@ -111,9 +128,48 @@ def make_character(
         vertex_weights,
         lattice,
         binding,
-        volume_parts(lattice, binding, skeleton, positions),
-        frozen(default_softness(lattice, binding, skeleton, bones)),
-        make_regions(lattice, settings.region_half_width),
+        volume_parts(lattice, painted_joint_parts(part_of, lattice, skeleton, painting)),
+        frozen(painted_softness(lattice, binding, skeleton, bones, painting)),
+        make_regions(lattice, painted_half_widths(lattice, binding, settings.region_half_width, painting)),
+        settings=settings,
+        painting=painting,
+    )
+
+
+def rebound(character: Character, settings: LatticeSettings) -> Character:
+    """The same character on another lattice, with all that is painted on it. Raises SettingError as above."""
+    new = make_character(
+        character.mesh, character.skeleton, character.bind, character.name, settings, character.painting
+    )
+    return replace(new, examples=character.examples)
+
+
+def repainted(character: Character, painting: Painting) -> Character:
+    """The character with more painted over what already is."""
+    return rebound(replace(character, painting=painting.over(character.painting)), character.settings)
+
+
+def painting_of(character: Character) -> Painting:
+    """All that a painting can say of a character, as it stands: something to start painting from."""
+    lattice, names = character.lattice, len(character.skeleton)
+    corners, share = lattice.cells[lattice.vertex_cells], lattice.vertex_weights
+    nearest = corners[np.arange(len(corners)), share.argmax(axis=1)]
+    weights = np.zeros((len(character.mesh.vertices), names))
+    for place in range(character.vertex_joints.shape[1]):
+        weights[np.arange(len(weights)), character.vertex_joints[:, place]] += character.vertex_weights[:, place]
+    parts, given = character.parts, character.painting
+    ones = np.ones(names)
+    return Painting(
+        weights,
+        (character.softness[corners] * share).sum(axis=1),
+        character.regions.half_widths[nearest],
+        character.binding.joints[nearest, 0],
+        parts.joints[parts.part_of[nearest]],
+        overlaid(joint_softness(character.skeleton), given.bone_softness),
+        overlaid(np.full(names, character.settings.region_half_width), given.bone_half_widths).astype(np.int32),
+        ones if given.bone_widths is None else given.bone_widths,
+        ones if given.bone_strengths is None else given.bone_strengths,
+        np.arange(names, dtype=np.int32) if given.counted_to is None else given.counted_to,
     )
 
 
@@ -132,10 +188,12 @@ def mannequin_character(
 
 def with_softness(character: Character, vertex_softness: NDArray[np.float64]) -> Character:
     """The character with another softness, painted on its vertices: (V,) 0 to 1, else SettingError is raised."""
-    painted = np.asarray(vertex_softness, np.float64).reshape(-1, 1)
+    painted = np.asarray(vertex_softness, np.float64).reshape(-1)
     if len(painted) != len(character.mesh.vertices) or not ((painted >= 0) & (painted <= 1)).all():
         raise SettingError(f"softness: give {len(character.mesh.vertices)} numbers from 0 to 1, one a vertex")
-    return replace(character, softness=frozen(spread(character.lattice, painted)[:, 0]))
+    painting = Painting(softness=frozen(painted.copy())).over(character.painting)
+    soft = frozen(laid_over(character.lattice, character.softness, painted))
+    return replace(character, softness=soft, painting=painting)
 
 
 def coarser(

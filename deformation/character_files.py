@@ -16,6 +16,7 @@ from deformation.mesh import Mesh
 from deformation.mesh_files import read_mesh
 from deformation.mesh_files.glb import GlbMaterial, GlbPart, GlbScene, glb_mesh, read_glb
 from deformation.mesh_repair import in_metres, repaired
+from deformation.painting import UNPAINTED, Painting
 from devices.errors import FileError
 from devices.frame import frozen
 from reconstruction.joint_names import CENTRE_BONES, SIDED_BONES, humanoid_names
@@ -101,17 +102,21 @@ def read_character(path: str | Path, unit_m: float | None = None) -> CharacterFi
 
 
 def bound_character(
-    file: CharacterFile, settings: LatticeSettings | None = None, own_weights: bool = True
+    file: CharacterFile,
+    settings: LatticeSettings | None = None,
+    own_weights: bool = True,
+    painting: Painting = UNPAINTED,
 ) -> Character:
     """The file's character ready to be moved by poses of its own skeleton (see `deformation.retarget` for others').
 
     own_weights: keep the file's weights where it has some; otherwise, and without any, heat finds them.
+    painting: what is painted over them.
     Raises FileError for a file without a skeleton.
     """
     if file.rig is None:
         raise FileError(f"{file.name}: it has no skeleton: export it with one, or find one with `sixpoint rig`")
-    weights = file.rig.weights if own_weights else None
-    return make_character(file.mesh, file.rig.skeleton, file.rig.bind, file.name, settings, weights)
+    own = Painting(weights=file.rig.weights if own_weights else None)
+    return make_character(file.mesh, file.rig.skeleton, file.rig.bind, file.name, settings, painting.over(own))
 
 
 def _placed(character: CharacterFile, unit_m: float | None) -> CharacterFile:

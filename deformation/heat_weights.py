@@ -63,10 +63,16 @@ class Bones:
     width: NDArray[np.float64]
 
 
-def skeleton_bones(skeleton: Skeleton, positions: NDArray[np.float64], width: float, strength: float = 1.0) -> Bones:
+def skeleton_bones(
+    skeleton: Skeleton,
+    positions: NDArray[np.float64],
+    width: NDArray[np.float64] | float,
+    strength: NDArray[np.float64] | float = 1.0,
+) -> Bones:
     """A bone from each joint to each of its children, joints at positions (J, 3) metres; zero lengths are left out.
 
     Of several children the one straight on gets a whole bone, the others the first half of one.
+    width, strength: of all bones, or (J,) of each joint's.
     """
     segments = []
     for joint, children in enumerate(skeleton.children):
@@ -81,12 +87,13 @@ def skeleton_bones(skeleton: Skeleton, positions: NDArray[np.float64], width: fl
     kept = [s for s in segments if np.linalg.norm(s[2] - s[1]) > 1e-6]
     if not kept:
         raise SixpointError(f"the skeleton has no bone of any length: its joints are {', '.join(skeleton.names)}")
+    joints = np.array([joint for joint, _, _ in kept])
     return Bones(
         np.array([head for _, head, _ in kept]),
         np.array([tail for _, _, tail in kept]),
-        np.array([joint for joint, _, _ in kept]),
-        np.full(len(kept), strength),
-        np.full(len(kept), width),
+        joints,
+        np.broadcast_to(strength, len(skeleton))[joints],
+        np.broadcast_to(width, len(skeleton))[joints],
     )
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from deformation.heat_weights import blur
 from deformation.kernel import kernel
 from deformation.lattice import CORNERS, Lattice
-from deformation.skinning import Binding
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
 
@@ -54,9 +53,10 @@ class VolumeParts:
     outward: NDArray[np.float64]
 
 
-def volume_parts(lattice: Lattice, binding: Binding, skeleton: Skeleton, positions: NDArray[np.float64]) -> VolumeParts:
-    """Divides a lattice into joint-dependent parts; positions: (J, 3) metres of the joints in the rest pose."""
-    joints, part_of = _joint_parts(lattice, binding, skeleton, positions)
+def volume_parts(lattice: Lattice, joint_of: NDArray[np.int32]) -> VolumeParts:
+    """Divides a lattice into joint-dependent parts; joint_of: (P,) the joint that each particle's part lies around."""
+    joints, part_of = np.unique(joint_of, return_inverse=True)
+    joints, part_of = joints.astype(np.int32), part_of.reshape(-1).astype(np.int32)
     octants = lattice_octants(lattice)
     octants = octants[np.argsort(part_of[octants[:, 0]], kind="stable")]
     members, shares, member_first = _members(lattice, part_of, len(joints))
@@ -76,25 +76,30 @@ def volume_parts(lattice: Lattice, binding: Binding, skeleton: Skeleton, positio
     )
 
 
-def _joint_parts(
-    lattice: Lattice, binding: Binding, skeleton: Skeleton, positions: NDArray[np.float64]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The joints that have a part, parents first, and the part of each particle.
+def joint_parts(
+    lattice: Lattice, bone: NDArray[np.int32], skeleton: Skeleton, positions: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """(P,) the joint around which each particle's part lies; bone: (P,) the joint that turns the particle's bone.
 
-    A bone's particles go half to the joint at its head and half to the joints at its tail (fig. 5).
+    A bone's particles go half to the joint at its head and half to the joints at its tail (fig. 5). positions: (J, 3)
+    metres of the joints in the rest pose.
     """
-    bone = binding.joints[:, 0]
     around = bone.copy()
     for joint in np.unique(bone):
         ends = [int(joint), *(c for c in skeleton.children[joint] if not skeleton.is_end[c])]
         own = np.flatnonzero(bone == joint)
         apart = np.linalg.norm(lattice.particles[own, None] - positions[ends], axis=2)
         around[own] = np.array(ends)[apart.argmin(axis=1)]
+    return around
+
+
+def without_small_parts(joint_of: NDArray[np.int32], skeleton: Skeleton) -> NDArray[np.int32]:
+    """(P,) parts in which those too small to hold a volume worth keeping are counted to their parent's."""
+    around = joint_of.copy()
     for joint in range(len(skeleton) - 1, 0, -1):
         if 0 < np.count_nonzero(around == joint) < _SMALLEST_PART:
             around[around == joint] = skeleton.parents[joint]
-    joints, part_of = np.unique(around, return_inverse=True)
-    return joints.astype(np.int32), part_of.reshape(-1).astype(np.int32)
+    return around
 
 
 def _members(

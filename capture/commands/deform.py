@@ -18,7 +18,10 @@ def deform(
     resolution: Resolution = "medium",
     particles: Annotated[int | None, typer.Option(min=50, help="Lattice particles, about; 1,900 otherwise.")] = None,
     cell_size_m: Annotated[float | None, typer.Option(help="Edge of a lattice cell, metres, instead.")] = None,
-    painting: Annotated[Path | None, typer.Option(help="Painted weights and softness to lay on, .npz.")] = None,
+    painting: Annotated[Path | None, typer.Option(help="What is painted on it: .npz by vertex, .toml by bone.")] = None,
+    save_painting: Annotated[
+        Path | None, typer.Option(help="Write how it is bound as a painting, .npz or .toml, to be painted over.")
+    ] = None,
     examples: Annotated[
         Path | None, typer.Option(help="Example shapes, .toml; NAME.examples.toml beside the character otherwise.")
     ] = None,
@@ -40,9 +43,9 @@ def deform(
     from capture.export import read_npz, write_glb
     from capture.progress import progress_bar, tell_all
     from capture.video import write_frames, write_video
-    from deformation.character import LatticeSettings
+    from deformation.character import LatticeSettings, painting_of
     from deformation.deformer import DeformSettings
-    from deformation.painting import painted
+    from deformation.painting import write_painting
     from deformation.secondary_motion import SecondarySettings
     from reconstruction.motion_files import read_motion
     from reconstruction.motion_operations import resampled
@@ -59,10 +62,11 @@ def deform(
     rate = fps or (clip.fps if ending in (".glb", ".npz") else min(clip.fps, 30.0))
     clip = resampled(clip, rate) if abs(rate - clip.fps) > 1e-6 else clip
     cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
-    chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells, examples)
+    chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells, examples, painting)
     tell_all(chosen.notes)
     body, clip = chosen.character, chosen.motion(clip)
-    body = painted(body, painting) if painting is not None else body
+    if save_painting is not None:
+        write_painting(painting_of(body), body.skeleton, save_painting)
     if ending == ".glb":
         write_glb(body, clip, out, skin=chosen.skin)
     else:

@@ -8,6 +8,7 @@ from deformation.character import Character, make_character, with_softness
 from deformation.deformer import Deformer, DeformSettings
 from deformation.heat_weights import spread
 from deformation.materials import joint_softness
+from deformation.painting import Painting
 from deformation.surface import normals_reference
 from devices.errors import SettingError
 from reconstruction.standard_body import standard_skeleton
@@ -84,7 +85,7 @@ def test_painted_weights_are_used(character: Character) -> None:
     painted = np.zeros((len(character.mesh.vertices), len(character.skeleton)))
     low = character.mesh.vertices[:, 1] < -0.2
     painted[low, 3], painted[~low, 0] = 1, 1
-    other = make_character(character.mesh, character.skeleton, character.bind, vertex_weights=painted)
+    other = make_character(character.mesh, character.skeleton, character.bind, painting=Painting(painted))
     np.testing.assert_array_equal(other.vertex_joints[:, 0], np.where(low, 3, 0))
     top = other.lattice.particles[:, 1] > -0.05
     np.testing.assert_array_equal(other.binding.joints[top, 0], 0)
