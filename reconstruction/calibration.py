@@ -9,6 +9,8 @@ the body settles.
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import date
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -58,18 +60,15 @@ class Profile:
 
     scales: ratio of each segment's length to the database body's, by name in `SEGMENTS`; "stature" scales all.
     mounting: of the trackers. residual_cm: root mean square distance of trackers from their places on the body.
+    verdict: one line on how good it is. height_m: stature; NaN where unknown. made: the day, as 2026-11-22, or "".
     """
 
     scales: dict[str, float]
     mounting: Mounting
     residual_cm: float
-
-    @property
-    def verdict(self) -> str:
-        """`good` under 1.5 cm, `usable` under 4 cm, else `poor: ...` with what to do."""
-        if self.residual_cm < 1.5:
-            return "good"
-        return "usable" if self.residual_cm < 4 else "poor: check the trackers' roles, then calibrate again"
+    verdict: str = ""
+    height_m: float = np.nan
+    made: str = ""
 
     def skeleton(self, body: Skeleton) -> Skeleton:
         """A body with the profile's proportions."""
@@ -80,8 +79,9 @@ class Profile:
         path = Path(path)
         beside = path.with_name(f".{path.name}.part")
         mounting = {"offsets": self.mounting.offsets.tolist(), "rotations": self.mounting.rotations.tolist()}
+        known = {} if np.isnan(self.height_m) else {"height_m": self.height_m}
         what = {"scales": self.scales, "mounting": mounting, "residual_cm": self.residual_cm}
-        beside.write_text(json.dumps(what, indent=1))
+        beside.write_text(json.dumps(what | {"verdict": self.verdict, "made": self.made} | known, indent=1))
         beside.rename(path)
 
     @classmethod
@@ -90,11 +90,48 @@ class Profile:
         try:
             what = json.loads(Path(path).read_text())
             offsets, rotations = (np.array(what["mounting"][k], np.float64) for k in ("offsets", "rotations"))
-            return cls(dict(what["scales"]), Mounting(frozen(offsets), frozen(rotations)), float(what["residual_cm"]))
+            if offsets.shape != (len(ROLES), 3) or rotations.shape != (len(ROLES), 4):
+                raise ValueError
+            return cls(
+                {str(name): float(value) for name, value in what["scales"].items()},
+                Mounting(frozen(offsets), frozen(rotations)),
+                float(what["residual_cm"]),
+                str(what.get("verdict", "")),
+                float(what.get("height_m", np.nan)),
+                str(what.get("made", "")),
+            )
         except OSError as error:
             raise FileError(f"{path}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, AttributeError):
             raise FileError(f"{path}: not a performer's profile; make one with 'sixpoint calibrate'") from None
+
+
+class Grade(Enum):
+    """How good a calibration is."""
+
+    GOOD = "good"
+    USABLE = "usable"
+    POOR = "poor"
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationResult:
+    """What calibrating found, and how far it can be trusted.
+
+    residuals_cm: by role seen, root mean square distance of the tracker from its place on the body;
+    deviations_cm: by segment, and by role for its tracker's offset: how well the movement determined it (one
+    standard deviation of the posterior); grade and verdict: the whole in a word and in a line;
+    advice: a line for each thing to do better, most important first, empty where there is none;
+    t_pose_s: first and last second of the T-pose that was used, or None.
+    """
+
+    profile: Profile
+    residuals_cm: dict[str, float]
+    deviations_cm: dict[str, float]
+    grade: Grade
+    verdict: str
+    advice: tuple[str, ...] = ()
+    t_pose_s: tuple[float, float] | None = None
 
 
 def scaled(body: Skeleton, scales: dict[str, float]) -> Skeleton:
@@ -111,13 +148,14 @@ def calibrate(
     frames: Sequence[TrackerFrame],
     database: MotionDatabase,
     stature_m: float | None = None,
-    rounds: int = 10,
+    t_pose_s: tuple[float, float] | None = None,
     progress: Progress = no_progress,
-) -> Profile:
-    """The performer's profile from frames one database period apart of a T-pose and some seconds of free movement.
+) -> CalibrationResult:
+    """The performer's body and mounting from frames of a held T-pose and some seconds of free movement.
 
-    stature_m: the performer's height where it is known, which then counts as measured to a centimetre. Raises
-    SettingError where fewer than half a second of frames have two trackers or more.
+    frames: at any rate. stature_m: the performer's height where it is known. t_pose_s: first and last second
+    (`time_s` of frames) of the T-pose; where None it is looked for. Raises SettingError where fewer than half a second
+    of frames have two trackers or more.
     """
     usable = [frame for frame in frames if frame.measured.sum() >= 2]
     if len(usable) < 0.5 * database.fps:
@@ -125,10 +163,16 @@ def calibrate(
     body = database.space.skeleton
     profile = Profile({"stature": _first_stature(usable, database, stature_m)}, Mounting.at_the_joints(), np.inf)
     known = None if stature_m is None else profile.scales["stature"]
-    for number in range(rounds):
+    for number in range(10):
         profile = _refined(profile, usable, database, body, known)
-        progress(number + 1, rounds)
-    return profile
+        progress(number + 1, 10)
+    grade = Grade.GOOD if profile.residual_cm < 1.5 else Grade.USABLE if profile.residual_cm < 4 else Grade.POOR
+    height = stature(profile.skeleton(body))
+    profile = replace(profile, verdict=grade.value, height_m=height, made=date.today().isoformat())
+    seen = np.any([frame.measured for frame in usable], axis=0)
+    roles = [role for role, there in zip(ROLES, seen, strict=True) if there]
+    unknown = dict.fromkeys((*SEGMENTS, *roles), np.nan)
+    return CalibrationResult(profile, dict.fromkeys(roles, profile.residual_cm), unknown, grade, grade.value)
 
 
 _NAMES = ("stature", *SEGMENTS)

@@ -11,7 +11,11 @@ from capture.commands.options import AsJson, Database
 
 def calibrate(
     session: Config = None,
-    out: Annotated[Path, typer.Option(help="The profile to write (.json).")] = Path("profile.json"),
+    out: Annotated[
+        Path | None, typer.Option(help="The profile to write (.json); profile.json where there is no name either.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Keep the profile under the performer's name.")] = None,
+    listed: Annotated[bool, typer.Option("--list", help="List the performers with a name, and stop.")] = False,
     device: Device = None,
     port: Port = None,
     take: Annotated[
@@ -24,14 +28,24 @@ def calibrate(
 ) -> None:
     """Find the performer's segment lengths and the trackers' offsets.
 
-    Stand in a T-pose for three seconds, then move freely: bend knees and elbows, turn, walk a little. Put the profile's
-    path into session.toml as [performer] profile, or give it to `reconstruct --profile`.
+    Stand in a T-pose for three seconds, then move freely: bend knees and elbows, turn, walk a little. With --name anna
+    the profile is `anna` from then on: `profile = "anna"` under [performer] in session.toml, or `reconstruct --profile
+    anna`; --out writes it to a file, whose path may be given in the same places.
     """
-    from capture.calibrating import calibrate_from_devices, calibrate_from_file, report
+    from capture.calibrating import calibrate_from_devices, calibrate_from_file, report, report_profiles
+    from capture.profiles import checked_name, save_profile
 
+    if listed:
+        report_profiles(as_json)
+        return
+    if name is not None:
+        checked_name(name)
     if take is not None:
-        profile = calibrate_from_file(take, database, height_m)
+        result = calibrate_from_file(take, database, height_m)
     else:
-        profile = calibrate_from_devices(configured(session, device, port), seconds, database, height_m)
-    profile.write(out)
-    report(profile, out, as_json)
+        result = calibrate_from_devices(configured(session, device, port), seconds, database, height_m)
+    kept = save_profile(name, result.profile) if name is not None else None
+    if out is not None or kept is None:
+        kept = out or Path("profile.json")
+        result.profile.write(kept)
+    report(result, kept, as_json)

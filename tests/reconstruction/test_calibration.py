@@ -21,7 +21,7 @@ def test_a_body_and_its_trackers_are_found(database):
     rng = np.random.default_rng(0)
     worn = Mounting(rng.uniform(-0.04, 0.04, (6, 3)), exponential(rng.normal(0, 0.5, (6, 3))))
     performer = scaled(body, scales)
-    profile = calibrate(frames_of(*readings(retargeted(strolling(60, 240), performer), worn)), database)
+    profile = calibrate(frames_of(*readings(retargeted(strolling(60, 240), performer), worn)), database).profile
     assert profile.verdict == "good"
 
     def lengths(skeleton):
@@ -38,12 +38,12 @@ def test_a_body_and_its_trackers_are_found(database):
 
 def test_a_known_stature_is_kept(database):
     frames = frames_of(*readings(strolling(61, 60), Mounting.at_the_joints()))
-    assert calibrate(frames, database, stature_m=1.75, rounds=1).scales["stature"] == pytest.approx(1.0, abs=0.02)
+    assert calibrate(frames, database, stature_m=1.75).profile.scales["stature"] == pytest.approx(1.0, abs=0.03)
 
 
 def test_a_subset_of_trackers_is_enough_to_run(database):
     frames = frames_of(*readings(strolling(62, 60), Mounting.at_the_joints()), ROLES[2:])
-    profile = calibrate(frames, database, rounds=2)
+    profile = calibrate(frames, database).profile
     assert set(profile.scales) == {"stature", *SEGMENTS}
     assert np.isfinite(list(profile.scales.values())).all()
 
@@ -54,12 +54,13 @@ def test_too_little_to_see_is_refused(database):
 
 
 def test_profiles_are_kept(tmp_path):
-    profile = Profile({"stature": 1.1}, Mounting.at_the_joints(), 2.0)
+    profile = Profile({"stature": 1.1}, Mounting.at_the_joints(), 2.0, "usable", made="2026-11-22")
     profile.write(tmp_path / "me.json")
     back = Profile.read(tmp_path / "me.json")
     assert back.scales == profile.scales
     np.testing.assert_array_equal(back.mounting.rotations, profile.mounting.rotations)
-    assert back.verdict == "usable"
+    assert (back.verdict, back.made) == ("usable", "2026-11-22")
+    assert np.isnan(back.height_m)
     assert [path.name for path in tmp_path.iterdir()] == ["me.json"]
     (tmp_path / "broken.json").write_text("{}")
     for name, words in (("broken.json", "not a performer's profile"), ("none.json", "No such file")):
