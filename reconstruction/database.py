@@ -7,12 +7,15 @@ body, which has the mean proportions of all of them.
 """
 
 import json
+import mmap
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +32,7 @@ from reconstruction.skeleton import Skeleton
 from reconstruction.window_features import SPAN, WindowFeatures, seen_from
 
 FORMAT = "sixpoint motion database"
-VERSION = 2
+VERSION = 3
 _ARRAYS = ("poses", "headings", "tracks", "windows", "bounds", "feature_mean", "feature_basis")
 
 
@@ -136,10 +139,13 @@ def build_database(
 
 
 def open_database(path: str | Path) -> MotionDatabase:
-    """Opens a database without reading it whole. Raises FileError where it is none, another version's, or broken."""
+    """Opens a database; what frames will look at is in memory then. Raises FileError where it is none, another
+    version's, or broken."""
     path = Path(path)
     manifest = _read_manifest(path)
     arrays = {name: _open_array(path, name, manifest["shapes"][name]) for name in _ARRAYS}
+    for name in ("poses", "headings", "tracks", "windows"):
+        _page_in(arrays[name])
     body = manifest["skeleton"]
     skeleton = Skeleton(
         tuple(body["names"]), np.array(body["parents"], np.int32), np.array(body["offsets"], np.float64)
@@ -193,6 +199,11 @@ def _open_array(path: Path, name: str, shape: list[int]) -> NDArray:
     if list(array.shape) != shape:
         raise FileError(f"{file}: shape {array.shape}, the manifest says {tuple(shape)}; build the database again")
     return array
+
+
+def _page_in(array: NDArray) -> None:
+    """Touches every page of a mapped file, so that no frame waits for the disk."""
+    np.asarray(array).reshape(-1).view(np.uint8)[:: mmap.PAGESIZE].max()
 
 
 def _refuse_foreign(out: Path) -> None:
@@ -267,59 +278,57 @@ class _Builder:
                 yield mirrored(once)
 
     def _coordinates(self, space: PoseSpace) -> None:
-        """Second pass: poses, heading frames, tracked joints and all joint positions, clip by clip."""
+        """Second pass: poses, heading frames, tracked joints and all joint positions, clip by clip; joint limits."""
         joints = len(space.skeleton)
         body, scale = Body.of(space), leg_length(space.skeleton)
         tracked = [space.skeleton.role_joint(role) for role in ROLES]
-        raw = np.memmap(self.folder / "raw.bin", np.float32, "r", shape=(self.rows, 3 + 4 * joints))
-        poses = self._new("poses", (self.rows, space.dof))
-        headings = self._new("headings", (self.rows, 3))
-        tracks = self._new("tracks", (self.rows, len(ROLES), 3))
-        points = self._new("points", (self.rows, joints, 3))
-        for clip in self.clips:
-            rows = slice(clip.first, clip.first + clip.frames)
-            root = scale * raw[rows, :3].astype(np.float64)
-            rotations = raw[rows, 3:].astype(np.float64).reshape(clip.frames, joints, 4)
-            own = space.heading(root, rotations[:, 0])
-            q = space.coordinates(root, rotations, own)
-            own[:, :2] -= own[0, :2].copy()
-            own[:, 2] = np.unwrap(own[:, 2])
-            poses[rows], headings[rows] = q, own
-            points[rows] = joint_positions(body, q)
-            tracks[rows] = points[rows][:, tracked]
-            self.stages.placed(clip.first + clip.frames, self.rows)
+        least, most = np.full(space.dof, np.inf), np.full(space.dof, -np.inf)
+        with ExitStack() as open_files:
+            raw = open_files.enter_context(open(self.folder / "raw.bin", "rb"))
+            shapes = {"poses": (space.dof,), "headings": (3,), "tracks": (len(ROLES), 3), "points": (joints, 3)}
+            files = {n: open_files.enter_context(self._rows_file(n, shape)) for n, shape in shapes.items()}
+            for clip in self.clips:
+                rows = np.fromfile(raw, np.float32, clip.frames * (3 + 4 * joints)).reshape(clip.frames, -1)
+                root = scale * rows[:, :3].astype(np.float64)
+                rotations = rows[:, 3:].astype(np.float64).reshape(clip.frames, joints, 4)
+                own = space.heading(root, rotations[:, 0])
+                q = space.coordinates(root, rotations, own)
+                own[:, :2] -= own[0, :2].copy()
+                own[:, 2] = np.unwrap(own[:, 2])
+                points = joint_positions(body, q)
+                parts = {"poses": q, "headings": own, "tracks": points[:, tracked], "points": points}
+                for name, part in parts.items():
+                    part.astype(np.float32).tofile(files[name])
+                least, most = np.minimum(least, q.min(axis=0)), np.maximum(most, q.max(axis=0))
+                self.stages.placed(clip.first + clip.frames, self.rows)
         (self.folder / "raw.bin").unlink()
+        limits = np.stack((least - self.LIMIT_MARGIN, most + self.LIMIT_MARGIN), axis=1)
+        np.save(self.folder / "bounds.npy", limits.astype(np.float32))
 
     def _index(self, space: PoseSpace) -> None:
-        """Third pass: features of every window, their index, the spacing, the limits and the manifest."""
-        headings, tracks = self._old("headings"), self._old("tracks")
-        points, poses = self._old("points"), self._old("poses")
+        """Third pass: features of every window, their index, the spacing and the manifest."""
         starts = [np.arange(c.first + SPAN, c.first + c.frames) for c in self.clips if c.frames > SPAN]
         if not starts:
             raise FileError(f"no motion is longer than {SPAN} frames at {self.fps:g} frames a second")
         windows = np.concatenate(starts).astype(np.int32)
-        history = _History(poses, points, headings, tracks)
+        history = _History(self.folder)
         rng = np.random.default_rng(0)
         sample = np.sort(rng.choice(windows, min(self.SAMPLE, len(windows)), replace=False))
         features = WindowFeatures.fitted(*history.of(sample))
-        index = NeighbourIndex.empty(features.size)
-        for part in np.array_split(windows, max(1, len(windows) // 4096)):
-            index.add(features.features(*history.of(part), history.trackers(part)))
+        trainers = np.sort(rng.choice(windows, NeighbourIndex.sample_size(len(windows)), replace=False))
+        index = NeighbourIndex.trained(
+            np.concatenate([history.features(features, part) for part in _parts(trainers)]), len(windows)
+        )
+        for part in _parts(windows):
+            index.add(history.features(features, part))
             self.stages.indexed(len(index), len(windows))
         index.write(self.folder / "index.faiss")
-        bounds = np.stack((poses.min(axis=0), poses.max(axis=0)), axis=1)
-        bounds += np.array([-self.LIMIT_MARGIN, self.LIMIT_MARGIN], np.float32)
         probes = sample[:: max(1, len(sample) // 400)]
-        spacing = _spacing(index, windows, probes, features.features(*history.of(probes), history.trackers(probes)))
-        del history, headings, tracks, points, poses
+        spacing = _spacing(index, windows, probes, history.features(features, probes))
         (self.folder / "points.npy").unlink()
-        for name, array in (
-            ("windows", windows),
-            ("bounds", bounds),
-            ("feature_mean", features.mean),
-            ("feature_basis", features.basis),
-        ):
-            np.save(self.folder / f"{name}.npy", array)
+        np.save(self.folder / "windows.npy", windows)
+        np.save(self.folder / "feature_mean.npy", features.mean)
+        np.save(self.folder / "feature_basis.npy", features.basis)
         self._write_manifest(space, features, spacing)
 
     def _write_manifest(self, space: PoseSpace, features: WindowFeatures, spacing: float) -> None:
@@ -344,30 +353,45 @@ class _Builder:
         }
         (self.folder / "manifest.json").write_text(json.dumps(manifest))
 
-    def _new(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        return np.lib.format.open_memmap(self.folder / f"{name}.npy", "w+", np.float32, shape)
+    @contextmanager
+    def _rows_file(self, name: str, shape: tuple[int, ...]) -> Iterator[IO[bytes]]:
+        """An .npy file for one float32 array of that shape a row, its header written: the rows are appended."""
+        with open(self.folder / f"{name}.npy", "wb") as file:
+            header = {"descr": "<f4", "fortran_order": False, "shape": (self.rows, *shape)}
+            np.lib.format.write_array_header_1_0(file, header)
+            yield file
 
     def _old(self, name: str) -> NDArray:
         return np.load(self.folder / f"{name}.npy", mmap_mode="r")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _History:
-    """Joint positions (N, J, 3) and tracked joints (N, 6, 3) by row, seen from the heading frame of the row before."""
+    """Features of rows of a database that is being built. Files are mapped anew for each call, so that no more of
+    them is held in memory than one call looks at."""
 
-    poses: NDArray[np.float32]
-    points: NDArray[np.float32]
-    headings: NDArray[np.float32]
-    tracks: NDArray[np.float32]
+    folder: Path
 
     def of(self, rows: NDArray[np.int32]) -> tuple[NDArray, NDArray, NDArray]:
-        """Turns one frame before rows (n,), and joint positions one and `SPAN` frames before them."""
-        earlier = seen_from(self.points[rows - SPAN], self.headings[rows - SPAN], self.headings[rows - 1])
-        return self.poses[rows - 1][:, 3:], self.points[rows - 1], earlier
+        """Turns one frame before rows (n,), and joint positions one and `SPAN` frames before them, all seen from the
+        heading frame of the row before."""
+        points, headings = self._mapped("points"), self._mapped("headings")
+        earlier = seen_from(points[rows - SPAN], headings[rows - SPAN], headings[rows - 1])
+        return self._mapped("poses")[rows - 1][:, 3:], points[rows - 1], earlier
 
-    def trackers(self, rows: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Tracked joints (n, 6, 3) metres of windows."""
-        return seen_from(self.tracks[rows], self.headings[rows], self.headings[rows - 1])
+    def features(self, features: WindowFeatures, rows: NDArray[np.int32]) -> NDArray[np.float32]:
+        """(n, F) of the windows at rows (n,)."""
+        tracks, headings = self._mapped("tracks"), self._mapped("headings")
+        trackers = seen_from(tracks[rows], headings[rows], headings[rows - 1])
+        return features.features(*self.of(rows), trackers)
+
+    def _mapped(self, name: str) -> NDArray[np.float32]:
+        return np.load(self.folder / f"{name}.npy", mmap_mode="r")
+
+
+def _parts(rows: NDArray[np.int32], size: int = 4096) -> list[NDArray[np.int32]]:
+    """Rows in runs of about that many, so that memory stays bounded."""
+    return np.array_split(rows, max(1, len(rows) // size))
 
 
 def _spacing(index: NeighbourIndex, windows: NDArray, rows: NDArray, features: NDArray[np.float32]) -> float:

@@ -1,7 +1,10 @@
 """Nearest neighbours among a million windows: the one file that knows faiss.
 
-A hierarchical navigable small world graph (Malkov and Yashunin 2018) stands in for the neighbour graph of Chai and
-Hodgins (2005) that the paper searches: the same walk from near pose to nearer pose, with long links added.
+An inverted file (Sivic and Zisserman 2003; faiss's IVF): k-means parts the vectors into lists of about `LIST_LENGTH`,
+and a search looks through the `LISTS_SEARCHED` lists whose centres are nearest. What it costs hardly grows with the
+database. A navigable small-world graph was measured too (faiss's HNSW): windows a frame apart are near duplicates, its
+links stay among them, and whole clips cannot be reached, for as much time. The walk along a graph that the paper takes
+is in `neighbour_graph`.
 """
 
 import os
@@ -12,31 +15,38 @@ import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-LINKS = 32
-BUILD_BREADTH = 80
-SEARCH_BREADTH = 160
+LIST_LENGTH = 512
+LISTS_SEARCHED = 32
+TRAINED_ON = 64
+"""Vectors that the place of one list's centre is found from."""
 
 
 class NeighbourIndex:
-    """An index over feature vectors (n, F)."""
+    """An index over feature vectors (n, F), numbered in the order in which they were added."""
 
     def __init__(self, index: Any):
         self._index = index
-        self._index.hnsw.efSearch = SEARCH_BREADTH
+        self._index.nprobe = min(LISTS_SEARCHED, index.nlist)
 
     def __len__(self) -> int:
         return self._index.ntotal
 
     @classmethod
-    def empty(cls, dimensions: int) -> "NeighbourIndex":
-        """An index to be filled with `add`, by all processors."""
+    def trained(cls, sample: NDArray[np.float32], count: int) -> "NeighbourIndex":
+        """An index to be filled, with `add`, with `count` vectors such as the sample (m, F); see `sample_size`."""
         faiss.omp_set_num_threads(os.cpu_count() or 1)
-        index = faiss.IndexHNSWFlat(dimensions, LINKS)
-        index.hnsw.efConstruction = BUILD_BREADTH
+        dimensions = sample.shape[1]
+        index = faiss.IndexIVFFlat(faiss.IndexFlatL2(dimensions), dimensions, _lists(count))
+        index.train(np.ascontiguousarray(sample, np.float32))
         return cls(index)
 
+    @staticmethod
+    def sample_size(count: int) -> int:
+        """How many vectors `trained` wants to see of `count`."""
+        return min(count, TRAINED_ON * _lists(count))
+
     def add(self, features: NDArray[np.float32]) -> None:
-        """Adds vectors (n, F); they are numbered in order."""
+        """Adds vectors (n, F)."""
         self._index.add(np.ascontiguousarray(features, np.float32))
 
     def nearest(self, feature: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
@@ -45,8 +55,14 @@ class NeighbourIndex:
         found = numbers[0] >= 0
         return numbers[0][found], np.sqrt(np.maximum(squares[0][found], 0))
 
+    def nearest_to_all(self, features: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+        """Numbers (n, count) of the nearest vectors to each of many (n, F), by all processors; -1 where there are
+        fewer."""
+        return self._index.search(np.ascontiguousarray(features, np.float32), count)[1]
+
     def vectors(self) -> NDArray[np.float32]:
         """All vectors (n, F), in order: a copy."""
+        self._index.make_direct_map()
         return self._index.reconstruct_n(0, len(self))
 
     def write(self, path: Path) -> None:
@@ -57,3 +73,7 @@ class NeighbourIndex:
     def read(cls, path: Path) -> "NeighbourIndex":
         """Reads what `write` wrote. Raises RuntimeError where the file is broken."""
         return cls(faiss.read_index(str(path)))
+
+
+def _lists(count: int) -> int:
+    return max(1, count // LIST_LENGTH)
