@@ -50,7 +50,7 @@ def surface_graph(mesh: Mesh) -> SurfaceGraph:
     vertices = mesh.vertices[used]
     corners = vertices[triangles]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    links = np.unique(np.sort(np.concatenate([_sides(triangles), _across(triangles)]), axis=1), axis=0)
+    links = _each_once(np.concatenate([_sides(triangles), _across(triangles)]), len(vertices))
     links = np.concatenate([links, _bridges(vertices, links)])
     lengths = np.maximum(np.linalg.norm(vertices[links[:, 0]] - vertices[links[:, 1]], axis=1), 1e-9)
     size = len(vertices)
@@ -61,16 +61,23 @@ def surface_graph(mesh: Mesh) -> SurfaceGraph:
     return SurfaceGraph(frozen(vertices), frozen(triangles), csr_matrix(half + half.T), frozen(areas), frozen(places))
 
 
+def _each_once(pairs: NDArray[np.int32], size: int) -> NDArray[np.int32]:
+    """(M, 2) the pairs (N, 2) of numbers below `size`, lower first, each once."""
+    names = np.unique(pairs.min(axis=1).astype(np.int64) * size + pairs.max(axis=1))
+    return np.stack([names // size, names % size], axis=1).astype(np.int32)
+
+
 def _sides(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
 def _across(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     """(N, 2) the far corners of each two triangles that share an edge."""
-    sides = np.sort(_sides(triangles), axis=1).astype(np.int64)
+    sides = _sides(triangles).astype(np.int64)
     far = triangles[:, [2, 0, 1]].ravel()
-    order = np.lexsort((sides[:, 1], sides[:, 0]))
-    same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
+    name = sides.min(axis=1) * (triangles.max(initial=0) + 1) + sides.max(axis=1)
+    order = np.argsort(name, kind="stable")
+    same = np.diff(name[order]) == 0
     pairs = np.stack([far[order[:-1]][same], far[order[1:]][same]], axis=1)
     return pairs[pairs[:, 0] != pairs[:, 1]]
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from deformation.kernel import kernel
 from deformation.mesh import Mesh, boundary_edges, components, volume
 from devices.errors import SixpointError
 
@@ -101,28 +102,63 @@ def _degenerate(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def _doubled(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(N,) faces whose corners an earlier one has, whichever way round."""
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    bad = np.ones(len(faces), bool)
-    bad[first] = False
+    corners = np.sort(faces, axis=1)
+    size = faces.max(initial=0) + 1
+    halves = corners[:, 0] * size + corners[:, 1], corners[:, 2] * size + corners[:, 3]
+    order = np.lexsort(halves)
+    same = np.all([np.diff(half[order]) == 0 for half in halves], axis=0)
+    bad = np.zeros(len(faces), bool)
+    bad[order[1:][same]] = True
     return bad
 
 
 def _flips(faces: NDArray[np.int64], sizes: NDArray[np.int64], vertices: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N,) faces to turn so that neighbours agree and every piece encloses a positive volume."""
     pairs, against = _neighbours(faces, sizes)
-    count = len(faces)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count)).tocsr()
-    _, piece = connected_components(graph, directed=False)
-    disagree = coo_array((against + 1.0, (pairs[:, 0], pairs[:, 1])), shape=(count, count)).tocsr()
-    disagree = disagree.maximum(disagree.T).tocsr()
-    turn = np.zeros(count, bool)
-    for start in np.unique(piece, return_index=True)[1]:
-        order, before = breadth_first_order(disagree, int(start), directed=False)
-        for face in order[1:]:
-            turn[face] = turn[before[face]] ^ (disagree[before[face], face] > 1.5)
+    turn, piece = _agreeing(pairs, against, len(faces))
     signed = _signed_volumes(faces, vertices, piece) * np.where(turn, -1.0, 1.0)
     inward = np.bincount(piece, signed) < 0
     return turn ^ inward[piece]
+
+
+@kernel
+def _agreeing(pairs, against, count):
+    """(N,) faces to turn so that each agrees with the one it was reached from, and (N,) the piece each is in."""
+    first = np.zeros(count + 1, np.int64)
+    for n in range(len(pairs)):
+        for k in range(2):
+            first[pairs[n, k] + 1] += 1
+    for face in range(count):
+        first[face + 1] += first[face]
+    fill = first[:-1].copy()
+    listed = np.empty(2 * len(pairs), np.int64)
+    for n in range(len(pairs)):
+        for k in range(2):
+            listed[fill[pairs[n, k]]] = n
+            fill[pairs[n, k]] += 1
+    turn = np.zeros(count, np.bool_)
+    piece = np.full(count, -1, np.int64)
+    queue = np.empty(count, np.int64)
+    pieces = 0
+    for seed in range(count):
+        if piece[seed] >= 0:
+            continue
+        piece[seed] = pieces
+        queue[0] = seed
+        read, end = 0, 1
+        while read < end:
+            face = queue[read]
+            read += 1
+            for slot in range(first[face], first[face + 1]):
+                n = listed[slot]
+                other = pairs[n, 0] if pairs[n, 1] == face else pairs[n, 1]
+                if piece[other] < 0:
+                    piece[other] = pieces
+                    turn[other] = turn[face] ^ against[n]
+                    queue[end] = other
+                    end += 1
+        pieces += 1
+    return turn, piece
 
 
 def _neighbours(faces: NDArray[np.int64], sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -132,15 +168,16 @@ def _neighbours(faces: NDArray[np.int64], sizes: NDArray[np.int64]) -> tuple[NDA
     side = np.stack([faces, after], axis=-1)[np.arange(4) < sizes[:, None]]
     owner = np.repeat(np.arange(len(faces)), sizes)
     forward = side[:, 0] < side[:, 1]
-    _, edge, count = np.unique(np.sort(side, axis=1), axis=0, return_inverse=True, return_counts=True)
-    edge = edge.ravel()
-    order = np.argsort(edge, kind="stable")
-    order = order[count[edge[order]] == 2].reshape(-1, 2)
-    return owner[order], forward[order[:, 0]] == forward[order[:, 1]]
+    name = side.min(axis=1) * (faces.max(initial=0) + 1) + side.max(axis=1)
+    order = np.argsort(name, kind="stable")
+    starts = np.flatnonzero(np.diff(name[order], prepend=-1))
+    two = starts[np.diff(starts, append=len(order)) == 2]
+    pairs = order[np.stack([two, two + 1], axis=1)]
+    return owner[pairs], forward[pairs[:, 0]] == forward[pairs[:, 1]]
 
 
 def _signed_volumes(
-    faces: NDArray[np.int64], vertices: NDArray[np.float64], piece: NDArray[np.int32]
+    faces: NDArray[np.int64], vertices: NDArray[np.float64], piece: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """(N,) the tetrahedra under each face from its piece's middle."""
     centre = vertices[faces].mean(axis=1)

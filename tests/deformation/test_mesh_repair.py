@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from deformation.mesh import Mesh, all_quads, is_closed, volume
 from deformation.mesh_repair import in_metres, repaired, same_places
 from devices.errors import SixpointError
+from tests.deformation.bodies import box, joined
 
 _QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
@@ -31,6 +34,18 @@ def test_flipped_faces_are_turned_outward(flipped: list[int]):
     assert volume(mended.mesh) == pytest.approx(1)
     assert f"{len(flipped)} face" in mended.notes[0]
     assert "near (" in mended.notes[0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 4), st.integers(0, 2**31))
+def test_any_faces_flipped_come_back(pieces: int, seed: int):
+    random = np.random.default_rng(seed)
+    good = joined(box((0, 0, 0), (1, 1, 1), pieces), box((2, 0, 0), (3, 1, 1), 2))
+    good = all_quads(good.vertices, good.quads[random.permutation(len(good.quads))])
+    flipped = good.quads.copy()
+    chosen = random.random(len(flipped)) < 0.5
+    flipped[chosen] = flipped[chosen][:, [0, 3, 2, 1]]
+    np.testing.assert_array_equal(repaired(all_quads(good.vertices, flipped), "boxes").mesh.quads, good.quads)
 
 
 def test_triangles_are_turned_too():
