@@ -70,7 +70,23 @@ class DeviceConfig(_Section):
     options: dict[str, bool | int | float | str] = {}
     """The protocol's own options, such as `{ full_scale_in = 144 }`; docs/devices has them."""
     smooth: bool | None = None
-    """Whether noise is smoothed (One-Euro); empty for what the device needs."""
+    """Whether noise is smoothed (One-Euro); empty for: unless the device does so itself."""
+    smooth_above_mm: Annotated[float, Field(ge=0, le=50)] = 2.0
+    """Of smoothing: only trackers whose noise at rest is measured above this, in millimetres; 0 is all of them."""
+    min_cutoff_hz: Annotated[float, Field(ge=0.1, le=50)] = 4.0
+    """Of smoothing: the cut-off at rest, in hertz; lower is calmer and later."""
+    beta: Annotated[float, Field(ge=0, le=500)] = 60.0
+    """Of smoothing: how many hertz the cut-off gains for each m/s (for turns each rad/s); higher is less delay."""
+    speed_cutoff_hz: Annotated[float, Field(ge=0.1, le=50)] = 5.0
+    """Of smoothing: the cut-off of the speed that it goes by, in hertz."""
+    gate: bool = True
+    """Whether readings that cannot be are kept out: jumps, poor quality, what the device itself doubts."""
+    max_speed_m_s: Annotated[float, Field(ge=1, le=100)] = 25.0
+    """Of the gate: a faster jump is not believed, in metres a second."""
+    accept_after: Annotated[int, Field(ge=1, le=120)] = 5
+    """Of the gate: so many readings in a row at a new place prove the jump right."""
+    min_quality: Annotated[float, Field(ge=0, le=1)] = 0.05
+    """Of the gate: readings below it are dropped, where the device tells a quality."""
     room_translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the device's origin lies in the room, metres."""
     room_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0

@@ -14,8 +14,9 @@ from capture.latency import LatencyRecorder, latency_table
 from capture.live import OpenDevice, make_pipeline, make_session, open_devices, open_streams, start_recording
 from capture.pipeline import Pipeline
 from capture.progress import progress_bar
+from capture.reloading import reloading
 from capture.session import Session
-from devices.errors import FileError
+from devices.errors import FileError, SixpointError
 from replay_logs.recorder import TakeRecorder
 
 
@@ -24,18 +25,30 @@ def tell(message: str) -> None:
     print(f"sixpoint: {message}", file=sys.stderr)
 
 
-def go_live(config: SessionConfig, take: Path | None, seconds: float | None, window: bool, as_json: bool) -> None:
-    """A live session, in a window where there is a display; Ctrl-C, the window's end or `seconds` end it."""
+def go_live(
+    config: SessionConfig,
+    take: Path | None,
+    seconds: float | None,
+    window: bool,
+    as_json: bool,
+    source: Path | None = None,
+) -> None:
+    """A live session, in a window where there is a display; Ctrl-C, the window's end or `seconds` end it.
+
+    source: the file that the configuration came of; when it is saved, what can change while live does.
+    """
     from capture.viewer import has_display
 
     shown = window and has_display()
     if window and not shown:
         tell("no display here: solving without a window")
-    session = solve_live(config, take, seconds, shown)
+    session = solve_live(config, take, seconds, shown, source)
     _report(session.latencies, {"poses": session.solved, "skipped": session.skipped, "take": _name(take)}, as_json)
 
 
-def solve_live(config: SessionConfig, take: Path | None, seconds: float | None, shown: bool) -> Session:
+def solve_live(
+    config: SessionConfig, take: Path | None, seconds: float | None, shown: bool, source: Path | None = None
+) -> Session:
     """Runs a session to its end, recorded where a take is named; gives it back for its figures."""
     _check_take(take)
     with progress_bar("opening the database") as progress:
@@ -48,8 +61,9 @@ def solve_live(config: SessionConfig, take: Path | None, seconds: float | None, 
         _open(config) as devices,
         _recording(take, config, devices) as recorder,
     ):
-        session = make_session(config, devices, pipeline, recorder, watchers)
-        _run(session, seconds, shown)
+        session = make_session(config, devices, pipeline, recorder, watchers, tell)
+        with reloading(source, config, session.tuning, tell):
+            _run(session, seconds, shown)
     return session
 
 
@@ -64,7 +78,7 @@ def keep_quietly(config: SessionConfig, take: Path, seconds: float | None) -> Se
     """Records, and gives the session back for its figures."""
     _check_take(take)
     with _open(config) as devices, _recording(take, config, devices) as recorder:
-        session = make_session(config, devices, None, recorder)
+        session = make_session(config, devices, None, recorder, tell=tell)
         _run(session, seconds, shown=False)
     return session
 
@@ -100,8 +114,12 @@ def _watch(session: Session, stop: threading.Event, seconds: float | None, shown
     if shown:
         from capture.live_window import show_session
 
-        show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end))
-        return
+        try:
+            show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end))
+            return
+        except SixpointError as error:
+            # Who performs cannot see to it now, and what is recorded must not end with a picture.
+            tell(f"{error}; the session goes on without it, Ctrl-C ends it")
     while not stop.wait(0.05):
         if end is not None and time.monotonic() > end:
             return

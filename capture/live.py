@@ -131,15 +131,16 @@ def make_session(
     pipeline: Pipeline | None,
     recorder: TakeRecorder | None,
     watchers: Sequence[Callable[[Shot], None]] = (),
+    tell: Tell = lambda _: None,
 ) -> Session:
-    """A session ready to run."""
+    """A session ready to run. tell: as `Session` has it."""
     if not devices:
         raise DeviceError("a session needs a device")
     clock = SessionClock()
     assembler = FrameAssembler(config.solver.rate_hz, config.solver.latency_ms / 1000, epoch_ns=clock.start_ns)
     taking = [device.session_device() for device in devices]
     tuning = Tuning(live_settings(taking, pipeline))
-    return Session(taking, assembler, pipeline, clock, recorder, watchers, tuning)
+    return Session(taking, assembler, pipeline, clock, recorder, watchers, tuning, tell)
 
 
 def live_settings(devices: Sequence[SessionDevice], pipeline: Pipeline | None) -> list[LiveSetting]:

@@ -14,6 +14,7 @@ from capture.pipeline import Pipeline, Shot
 from capture.tuning import Tuning, Value
 from devices.assembler import FrameAssembler
 from devices.driver import Driver
+from devices.errors import FileError
 from devices.frame import TrackerFrame
 from devices.intake import DeviceIntake
 from replay_logs.recorder import TakeRecorder
@@ -37,7 +38,8 @@ class Session:
     Without a pipeline it only records.
 
     `latest` is the newest shot, for whoever draws; `watchers` (streams) are called with each, on the session's thread.
-    tuning: settings that change between two frames when asked; each change is kept in the take.
+    tuning: settings that change between two frames when asked; each change is kept in the take. tell: called with one
+    line where something is lost, on the session's thread.
     """
 
     def __init__(
@@ -49,10 +51,11 @@ class Session:
         recorder: TakeRecorder | None = None,
         watchers: Sequence[Callable[[Shot], None]] = (),
         tuning: Tuning | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.devices, self.assembler, self.pipeline, self.clock = tuple(devices), assembler, pipeline, clock
         self.recorder, self.watchers = recorder, tuple(watchers)
-        self.tuning = tuning or Tuning()
+        self.tuning, self._tell = tuning or Tuning(), tell
         self.latest: Shot | None = None
         self.latencies = LatencyRecorder()
         self.solved = self.skipped = self.samples = 0
@@ -62,7 +65,11 @@ class Session:
         self.readers = tuple(DeviceReader(i, d.driver, self._inbox) for i, d in enumerate(self.devices))
 
     def run(self, stop: threading.Event) -> None:
-        """Works until `stop` is set. Raises SixpointError where recording fails: what is asked is not only to solve."""
+        """Works until `stop` is set.
+
+        A take that cannot be written any more (a full disk) is given up and told, and solving goes on. Raises FileError
+        for it only where there is nothing to solve.
+        """
         with self._reading():
             while not stop.is_set():
                 self._turn()
@@ -76,7 +83,7 @@ class Session:
     def mark(self, text: str) -> None:
         """Notes this moment in the take, where there is one. From any thread."""
         now_ns = time.perf_counter_ns()
-        self._asked.put(lambda: self.recorder.mark(now_ns, text) if self.recorder else None)
+        self._asked.put(lambda: self._keep(lambda recorder: recorder.mark(now_ns, text)))
 
     def _turn(self) -> None:
         """One turn of the loop: what arrived is kept and placed, and becomes the shots that are due."""
@@ -108,21 +115,32 @@ class Session:
             self._asked.get()()
         changed = self.tuning.apply()
         self._changed |= changed
-        if changed and self.recorder:
-            self.recorder.settings(time.perf_counter_ns(), changed)
+        if changed:
+            self._keep(lambda recorder: recorder.settings(time.perf_counter_ns(), changed))
 
     def _record(self, recorder: TakeRecorder | None) -> None:
-        before, self.recorder = self.recorder, recorder
-        if before:
-            before.close()
-        if recorder and self._changed:
-            recorder.settings(time.perf_counter_ns(), self._changed)
+        self._keep(lambda before: before.close())
+        self.recorder = recorder
+        if self._changed:
+            self._keep(lambda begun: begun.settings(time.perf_counter_ns(), self._changed))
+
+    def _keep(self, write: Callable[[TakeRecorder], None]) -> None:
+        """Writes to the take, where there is one. One that fails is let go."""
+        if self.recorder is None:
+            return
+        try:
+            write(self.recorder)
+        except FileError as error:
+            self.recorder.close()
+            self.recorder = None
+            if self.pipeline is None:
+                raise
+            self._tell(f"{error}; the session goes on without recording")
 
     def _keep_and_place(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
             device = self.devices[arrival.device]
-            if self.recorder:
-                self.recorder.write(device.driver.name, arrival.reading)
+            self._keep(lambda recorder, at=arrival, by=device: recorder.write(by.driver.name, at.reading))
             self.assembler.push(device.intake.readings(arrival.reading.samples))
             self.samples += len(arrival.reading.samples)
 

@@ -21,18 +21,20 @@ _BATCH_S = 0.02
 class OneEuroSettings:
     """min_cutoff_hz: cut-off at rest. beta: hertz more of cut-off for each m/s (for turns: each rad/s).
 
-    speed_cutoff_hz: cut-off of the speed estimate. on: whether anything is done at all. Raises SettingError where a
-    value is out of range.
+    speed_cutoff_hz: cut-off of the speed estimate. on: whether anything is done at all. noise_above_mm: done only for a
+    tracker whose noise at rest is measured above this many millimetres, 0 for always. Raises SettingError where a value
+    is out of range.
     """
 
     min_cutoff_hz: float = 4.0
     beta: float = 60.0
     speed_cutoff_hz: float = 5.0
     on: bool = True
+    noise_above_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.min_cutoff_hz > 0 and self.beta >= 0 and self.speed_cutoff_hz > 0):
-            raise SettingError("One-Euro: cut-offs must be above 0 Hz and beta at least 0")
+        if not (self.min_cutoff_hz > 0 and self.beta >= 0 and self.speed_cutoff_hz > 0 and self.noise_above_mm >= 0):
+            raise SettingError("One-Euro: cut-offs must be above 0 Hz, beta and the least noise at least 0")
 
 
 @dataclass(frozen=True, slots=True)

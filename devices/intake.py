@@ -7,8 +7,12 @@ from devices.axes import Quaternion, Vector
 from devices.clock_map import ClockMap
 from devices.errors import choice_error
 from devices.filters import GateSettings, OneEuroFilter, OneEuroSettings, OutlierGate
+from devices.noise_meter import NoiseMeter
 from devices.room import RoomTransform
 from devices.sample import ROLES, SampleFlag, TrackerSample
+
+_STAYS_SMOOTHED = 0.7
+"""Smoothing that noise has switched on goes off again below this share of it: it does not flicker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,7 @@ class DeviceIntake:
         self._roles = role_indices(self.assignment)
         self._gates: dict[str, OutlierGate] = {}
         self._filters: dict[str, OneEuroFilter] = {}
+        self._meters: dict[str, NoiseMeter] = {}
 
     @property
     def rejected(self) -> int:
@@ -87,7 +92,7 @@ class DeviceIntake:
         self, tracker: str, time_s: float, position: Vector, orientation: Quaternion | None
     ) -> tuple[Vector, Quaternion | None]:
         """Through the tracker's filter; one that is switched on begins where the tracker is."""
-        if self.smoothing is None or not self.smoothing.on:
+        if self.smoothing is None or not self._needs_smoothing(tracker, self.smoothing, time_s, position):
             self._filters.pop(tracker, None)
             return position, orientation
         smooth = self._filters.get(tracker)
@@ -95,6 +100,17 @@ class DeviceIntake:
             smooth = self._filters[tracker] = OneEuroFilter(self.smoothing)
         smooth.settings = self.smoothing
         return smooth(time_s, position, orientation)
+
+    def _needs_smoothing(self, tracker: str, settings: OneEuroSettings, time_s: float, position: Vector) -> bool:
+        """Whether it is on, and the tracker trembles as much as it takes."""
+        if not settings.on or not settings.noise_above_mm:
+            return settings.on
+        meter = self._meters.get(tracker)
+        if meter is None:
+            meter = self._meters[tracker] = NoiseMeter()
+        meter.add(time_s, position)
+        least_mm = settings.noise_above_mm * (_STAYS_SMOOTHED if tracker in self._filters else 1.0)
+        return meter.sigma_m is not None and 1000 * meter.sigma_m > least_mm
 
     def _placed(self, position: Vector, orientation: Quaternion | None) -> tuple[Vector, Quaternion | None]:
         if self.room.is_identity:

@@ -26,6 +26,7 @@ class IntakeSetting:
 
 INTAKE_SETTINGS: Mapping[str, IntakeSetting] = {
     "smooth": IntakeSetting("smoothing", "on", "One-Euro smoothing"),
+    "smooth_above_mm": IntakeSetting("smoothing", "noise_above_mm", "smoothing: least noise", "mm", 0.0, 50.0, 0.5),
     "min_cutoff_hz": IntakeSetting("smoothing", "min_cutoff_hz", "smoothing: cut-off at rest", "Hz", 0.1, 50.0, 0.5),
     "beta": IntakeSetting("smoothing", "beta", "smoothing: cut-off gained with speed", "Hz per m/s", 0.0, 500.0, 5.0),
     "speed_cutoff_hz": IntakeSetting(

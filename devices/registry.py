@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from devices.errors import SettingError
-from devices.filters import OneEuroSettings
 from devices.linked_device import LinkedDevice
 from devices.protocols import make_protocol
-from devices.protocols.protocol import DeviceProtocol
 from devices.serial_link import SerialLink
 
 
@@ -34,8 +32,3 @@ def make_device(
         return LinkedDevice(name or protocol, HidLink(port, spoken.hid), spoken)
     line = spoken.serial if baud is None else replace(spoken.serial, baud=baud)
     return LinkedDevice(name or protocol, SerialLink(port, line), spoken)
-
-
-def default_smoothing(protocol: DeviceProtocol) -> OneEuroSettings | None:
-    """The One-Euro filter, or None for a device that smooths its own output."""
-    return None if protocol.filters_itself else OneEuroSettings()

@@ -9,10 +9,14 @@ from devices.sample import ROLES, TrackerSample
 
 
 class FakeDriver:
-    """A device that gives each reading of a list once, then nothing; or fails to open. paced: not before its time."""
+    """A device that gives each reading of a list once, then nothing; or fails to open.
 
-    def __init__(self, readings=(), name="fake", broken=False, paced=False):
-        self.name, self.broken, self.paced = name, broken, paced
+    before: what is done by the number of the reading that comes next.
+    """
+
+    def __init__(self, readings=(), name="fake", broken=False, before=None):
+        self.name, self.broken, self.before = name, broken, dict(before or {})
+        self._given = 0
         self.closed = 0
         self._readings = list(readings)
 
@@ -21,15 +25,23 @@ class FakeDriver:
             raise DeviceError(f"{self.name} is broken: mend it")
 
     def read(self, timeout_s):
-        if self._readings and self.paced:
-            time.sleep(max(0.0, (self._readings[0].chunks[0].host_time_ns - time.perf_counter_ns()) * 1e-9))
         if self._readings:
+            self.before.get(self._given, lambda: None)()
+            self._given += 1
             return self._readings.pop(0)
         time.sleep(min(timeout_s, 0.005))
         return Reading()
 
     def close(self):
         self.closed += 1
+
+
+def wait_until(true, seconds=10.0):
+    """Until that holds, for what another thread does."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.001)
 
 
 def readings_now(count, rate_hz=200.0, roles=ROLES):

@@ -28,7 +28,7 @@ def live(
     """Solve what the trackers send, show it, and keep it if asked."""
     from capture.going_live import go_live
 
-    go_live(configured(session, device, port), take, seconds, window, as_json)
+    go_live(configured(session, device, port), take, seconds, window, as_json, session)
 
 
 def record(

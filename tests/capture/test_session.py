@@ -18,7 +18,7 @@ from devices.intake import IDENTITY_ASSIGNMENT, DeviceIntake
 from devices.sample import ROLES
 from replay_logs.recorder import TakeRecorder
 from replay_logs.take import RecordedDevice, read_take
-from tests.fakes import FakeDriver, generic_readings, readings_now
+from tests.fakes import FakeDriver, generic_readings, readings_now, wait_until
 
 
 class RecordingPipeline:
@@ -40,25 +40,50 @@ class ListRecorder:
     """Keeps what it is told, or fails."""
 
     def __init__(self, error=None):
-        self.written, self.error = [], error
+        self.written, self.error, self.closed = [], error, 0
 
     def write(self, device, reading):
         if self.error:
             raise self.error
         self.written.append((device, reading))
 
+    def close(self):
+        self.closed += 1
 
-def session(driver, pipeline, recorder=None, watchers=(), tuning=None):
+
+def session(driver, pipeline, recorder=None, watchers=(), tuning=None, tell=lambda _: None):
     clock = SessionClock()
     assembler = FrameAssembler(60.0, 0.01, epoch_ns=clock.start_ns)
     device = SessionDevice(driver, DeviceIntake(IDENTITY_ASSIGNMENT))
-    return Session([device], assembler, pipeline, clock, recorder, watchers, tuning)
+    return Session([device], assembler, pipeline, clock, recorder, watchers, tuning, tell)
 
 
 def run_for(running, seconds):
     stop = threading.Event()
     threading.Timer(seconds, stop.set).start()
     running.run(stop)
+
+
+def changed_to(running, number, name, value):
+    """Before that reading, when all before it are kept: asks for a setting, and goes on when it is so."""
+
+    def change():
+        wait_until(lambda: running.samples == 6 * number)
+        running.tuning.ask(name, value)
+        wait_until(lambda: running.tuning.settings[name].read() == value)
+
+    return change
+
+
+def recording_to(running, number, recorder):
+    """Before that reading, when all before it are kept: asks for another take, and goes on when it is there."""
+
+    def change():
+        wait_until(lambda: running.samples == 6 * number)
+        running.record(recorder)
+        wait_until(lambda: running.recorder is recorder)
+
+    return change
 
 
 def test_frames_are_solved_in_order_and_handed_to_the_watchers():
@@ -89,21 +114,21 @@ def test_settings_change_between_two_frames_and_the_take_solves_to_the_same_read
         recorder.add_device(device)
         intake = device.intake()
         tuning = Tuning(device_settings("fake", intake))
-        running = session(
-            FakeDriver(generic_readings(90), paced=True), RecordingPipeline(), recorder, [seen.append], tuning
-        )
-        running.devices = (SessionDevice(running.devices[0].driver, intake),)
+        driver = FakeDriver(generic_readings(100))
+        running = session(driver, RecordingPipeline(), recorder, [seen.append], tuning)
+        steps = [("smooth", True), ("beta", 5.0), ("smooth", False)]
+        for number, (key, value) in enumerate(steps, 1):
+            driver.before[25 * number] = changed_to(running, 25 * number, f"device.fake.{key}", value)
+        running.devices = (SessionDevice(driver, intake),)
         running.assembler.push = lambda readings: placed.extend(readings)
-        for delay, name, value in [(0.1, "smooth", True), (0.2, "beta", 5.0), (0.3, "smooth", False)]:
-            threading.Timer(delay, tuning.ask, [f"device.fake.{name}", value]).start()
         run_for(running, 0.7)
     take = read_take(path)
     assert [change.values for change in take.changes] == [
         {"device.fake.smooth": True}, {"device.fake.beta": 5.0}, {"device.fake.smooth": False},
     ]  # fmt: skip
     counts = [change.chunks_before["fake"] for change in take.changes]
-    assert 0 < counts[0] < counts[1] < counts[2] < 90
-    assert len(placed) == 90 * 6
+    assert counts == [25, 50, 75]
+    assert len(placed) == 100 * 6
     assert take.readings() == sorted(placed, key=lambda reading: reading.host_time_ns)
     unchanged = replace(take, changes=())
     assert unchanged.readings() != take.readings()
@@ -115,19 +140,21 @@ def test_a_take_begins_and_ends_while_the_session_runs(tmp_path):
         recorder.add_device(RecordedDevice("fake", "generic"))
     box = SimpleNamespace(value=0.5)
     tuning = Tuning([LiveSetting("x", "", lambda: box.value, lambda value: setattr(box, "value", value))])
-    running = session(FakeDriver(generic_readings(90), paced=True), None, first, tuning=tuning)
-    threading.Timer(0.1, tuning.ask, ["x", 0.75]).start()
-    threading.Timer(0.2, running.record, [second]).start()
-    threading.Timer(0.3, running.mark, ["here"]).start()
-    threading.Timer(0.4, running.record, [None]).start()
+    driver = FakeDriver(readings := generic_readings(90))
+    running = session(driver, None, first, tuning=tuning)
+    driver.before = {
+        20: changed_to(running, 20, "x", 0.75),
+        40: recording_to(running, 40, second),
+        50: lambda: running.mark("here"),
+        70: recording_to(running, 70, None),
+    }
     run_for(running, 0.6)
     one, two = read_take(first.path), read_take(second.path)
     assert one.missing is two.missing is None
     assert [mark.text for mark in two.marks] == ["here"]
     assert [change.values for change in one.changes + two.changes] == [{"x": 0.75}] * 2
-    kept = one.chunks["fake"] + two.chunks["fake"]
-    assert 0 < len(one.chunks["fake"]) < len(kept) < 90
-    assert [chunk.data for chunk in kept] == [r.chunks[0].data for r in generic_readings(90)][: len(kept)]
+    chunks = tuple(reading.chunks[0] for reading in readings)
+    assert (one.chunks["fake"], two.chunks["fake"]) == (chunks[:40], chunks[40:70])
 
 
 def test_the_driver_is_closed_at_the_end():
@@ -136,7 +163,17 @@ def test_the_driver_is_closed_at_the_end():
     assert driver.closed == 1
 
 
-def test_a_recorder_that_fails_ends_the_session_with_its_error():
+def test_a_recorder_that_fails_is_let_go_and_solving_goes_on():
+    recorder, pipeline, told = ListRecorder(FileError("disk full")), RecordingPipeline(), []
+    running = session(FakeDriver(readings_now(60)), pipeline, recorder, tell=told.append)
+    run_for(running, 0.6)
+    assert recorder.closed == 1
+    assert running.recorder is None
+    assert told == ["disk full; the session goes on without recording"]
+    assert len([frame for frame in pipeline.frames if frame.measured.all()]) >= 15
+
+
+def test_a_recorder_that_fails_ends_a_session_that_only_records():
     driver = FakeDriver(readings_now(3))
     with pytest.raises(FileError, match="disk"):
         run_for(session(driver, None, ListRecorder(FileError("disk full"))), 1.0)
