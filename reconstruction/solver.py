@@ -183,6 +183,36 @@ class Reconstructor:
             matches = self._matcher.best(Sighting(offsets[:1], points[:1]), rows, 1)
         self._adopt(matches, last=-1)
 
+    def solve_take(self, frames: Sequence[TrackerFrame], progress: Progress = no_progress) -> Reconstruction:
+        """Forgets the past and solves a whole take of frames one database period apart.
+
+        Raises SettingError for a take without frames.
+        """
+        if not frames:
+            raise SettingError("a take without frames cannot be solved")
+        self.reset()
+        self.start(frames[: 1 - int(OFFSETS.min())])
+        solutions = []
+        for number, frame in enumerate(frames):
+            solutions.append(self.solve(frame))
+            progress(number + 1, len(frames))
+        motion = Motion(
+            self.skeleton,
+            frozen(np.array([s.pose.root_position for s in solutions])),
+            frozen(np.array([s.pose.rotations for s in solutions])),
+            self.database.fps,
+            "reconstruction",
+        )
+        return Reconstruction(
+            motion,
+            frozen(np.array([s.sigma for s in solutions])),
+            frozen(np.array([s.coverage for s in solutions])),
+            frozen(np.array([s.states for s in solutions])),
+            frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
+            tuple(s.neighbours.astype(np.int32) for s in solutions),
+            frozen(np.array([s.heading for s in solutions])),
+        )
+
     def solve(self, frame: TrackerFrame) -> Solution:
         """The most probable pose for the trackers of one frame."""
         began = perf_counter_ns()
@@ -347,27 +377,4 @@ def reconstruct(
     mounting: Mounting | None = None,
 ) -> Reconstruction:
     """Solves a whole take of frames one database period apart; the same input gives the same bits."""
-    if not frames:
-        raise SettingError("a take without frames cannot be solved")
-    solver = Reconstructor(database, skeleton, settings, predictor, mounting)
-    solver.start(frames[: 1 - int(OFFSETS.min())])
-    solutions = []
-    for number, frame in enumerate(frames):
-        solutions.append(solver.solve(frame))
-        progress(number + 1, len(frames))
-    motion = Motion(
-        solver.space.skeleton,
-        frozen(np.array([s.pose.root_position for s in solutions])),
-        frozen(np.array([s.pose.rotations for s in solutions])),
-        database.fps,
-        "reconstruction",
-    )
-    return Reconstruction(
-        motion,
-        frozen(np.array([s.sigma for s in solutions])),
-        frozen(np.array([s.coverage for s in solutions])),
-        frozen(np.array([s.states for s in solutions])),
-        frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
-        tuple(s.neighbours.astype(np.int32) for s in solutions),
-        frozen(np.array([s.heading for s in solutions])),
-    )
+    return Reconstructor(database, skeleton, settings, predictor, mounting).solve_take(frames, progress)
