@@ -10,9 +10,13 @@ class SessionClock:
 
     start_ns: int = field(default_factory=time.perf_counter_ns)
 
+    def now_ns(self) -> int:
+        """Host time, now: what readings are stamped with. It never goes back, whatever is done to the date."""
+        return time.perf_counter_ns()
+
     def now_s(self) -> float:
         """Seconds since the start, now."""
-        return self.seconds(time.perf_counter_ns())
+        return self.seconds(self.now_ns())
 
     def seconds(self, host_time_ns: int) -> float:
         """Seconds since the start, at that host time."""

@@ -1,4 +1,4 @@
-"""The live session: devices in, shots out, everything kept. The loop is `Session._turn`."""
+"""The live session: devices in, shots out, everything kept. The loop is `Session.turn`."""
 
 import queue
 import threading
@@ -70,10 +70,14 @@ class Session:
         A take that cannot be written any more (a full disk) is given up and told, and solving goes on. Raises FileError
         for it only where there is nothing to solve.
         """
-        with self._reading():
-            while not stop.is_set():
-                self._turn()
+        try:
+            with self._reading():
+                while not stop.is_set():
+                    self.turn(self._arrived(_TURN_S))
+            self._do_what_was_asked()
             self._keep_and_place(self._arrived(0.0))
+        finally:
+            self._record(None)
         self._bow_out()
 
     def record(self, recorder: TakeRecorder | None) -> None:
@@ -82,20 +86,22 @@ class Session:
 
     def mark(self, text: str) -> None:
         """Notes this moment in the take, where there is one. From any thread."""
-        now_ns = time.perf_counter_ns()
+        now_ns = self.clock.now_ns()
         self._asked.put(lambda: self._keep(lambda recorder: recorder.mark(now_ns, text)))
 
-    def _turn(self) -> None:
+    def turn(self, arrivals: Sequence[Arrival]) -> None:
         """One turn of the loop: what arrived is kept and placed, and becomes the shots that are due."""
-        arrivals = self._arrived(_TURN_S)
         self._do_what_was_asked()
-        self._keep_and_place(arrivals)
+        due = self._keep_and_place(arrivals)
         if self.pipeline is None:
             return
-        for frame in self._due():
+        for frame, ready_ns in due:
+            if (self.clock.now_ns() - ready_ns) * 1e-9 * self.assembler.rate_hz > _MOST_FRAMES_BEHIND:
+                self.skipped += 1
+                continue
             shot = self.pipeline.step(frame)
             self.latest, self.solved = shot, self.solved + 1
-            self._time(shot)
+            self._time(shot, ready_ns)
             for watch in self.watchers:
                 watch(shot)
 
@@ -116,13 +122,13 @@ class Session:
         changed = self.tuning.apply()
         self._changed |= changed
         if changed:
-            self._keep(lambda recorder: recorder.settings(time.perf_counter_ns(), changed))
+            self._keep(lambda recorder: recorder.settings(self.clock.now_ns(), changed))
 
     def _record(self, recorder: TakeRecorder | None) -> None:
         self._keep(lambda before: before.close())
         self.recorder = recorder
         if self._changed:
-            self._keep(lambda begun: begun.settings(time.perf_counter_ns(), self._changed))
+            self._keep(lambda begun: begun.settings(self.clock.now_ns(), self._changed))
 
     def _keep(self, write: Callable[[TakeRecorder], None]) -> None:
         """Writes to the take, where there is one. One that fails is let go."""
@@ -137,18 +143,26 @@ class Session:
                 raise
             self._tell(f"{error}; the session goes on without recording")
 
-    def _keep_and_place(self, arrivals: list[Arrival]) -> None:
+    def _keep_and_place(self, arrivals: Sequence[Arrival]) -> list[tuple[TrackerFrame, int]]:
+        """The frames that are complete or have waited long enough, each with the host time at which it was."""
+        due = []
         for arrival in arrivals:
-            device = self.devices[arrival.device]
-            self._keep(lambda recorder, at=arrival, by=device: recorder.write(by.driver.name, at.reading))
-            self.assembler.push(device.intake.readings(arrival.reading.samples))
-            self.samples += len(arrival.reading.samples)
+            device, reading = self.devices[arrival.device], arrival.reading
+            self._keep(lambda recorder, by=device, kept=reading: recorder.write(by.driver.name, kept))
+            self.assembler.push(device.intake.readings(reading.samples))
+            self.samples += len(reading.samples)
+            if reading.chunks:
+                due += [(frame, reading.chunks[-1].host_time_ns) for frame in self.assembler.complete()]
+        now_ns = self.clock.now_ns()
+        self._keep(lambda recorder: recorder.keep_up(now_ns))
+        return due + [(frame, self._waited_ns(frame)) for frame in self.assembler.frames(now_ns)]
 
-    def _due(self) -> list[TrackerFrame]:
-        frames = self.assembler.frames(time.perf_counter_ns())
-        late = max(0, len(frames) - _MOST_FRAMES_BEHIND)
-        self.skipped += late
-        return frames[late:]
+    def _waited_ns(self, frame: TrackerFrame) -> int:
+        """When a frame that was not complete had waited long enough."""
+        return self._moment_ns(frame) + round(self.assembler.latency_s * 1e9)
+
+    def _moment_ns(self, frame: TrackerFrame) -> int:
+        return self.clock.start_ns + round(frame.time_s * 1e9)
 
     def _arrived(self, timeout_s: float) -> list[Arrival]:
         """All that has come; waits for the first of it until the next frame is due at the latest."""
@@ -160,10 +174,11 @@ class Session:
         except queue.Empty:
             return arrivals
 
-    def _time(self, shot: Shot) -> None:
+    def _time(self, shot: Shot, ready_ns: int) -> None:
+        now_ns = self.clock.now_ns()
         self.latencies.add_all(shot.stages_ns)
-        moment_ns = self.clock.start_ns + round(shot.frame.time_s * 1e9)
-        self.latencies.add("moment to vertices", time.perf_counter_ns() - moment_ns)
+        self.latencies.add("last byte to vertices", now_ns - ready_ns)
+        self.latencies.add("moment to vertices", now_ns - self._moment_ns(shot.frame))
 
     @contextmanager
     def _reading(self) -> Iterator[None]:

@@ -14,6 +14,10 @@ _END_SLACK = 0.02
 """Share of a frame period by which the last frame may lie after the last reading: file times are rounded."""
 
 
+_SILENT_S = 0.25
+"""A role that is so far behind the others is not waited for; those late by less are."""
+
+
 class FrameAssembler:
     """Frame k lies at start + k / rate_hz; each role is interpolated between the readings around it.
 
@@ -51,6 +55,15 @@ class FrameAssembler:
             time_s = (reading.host_time_ns - self._start_ns) * 1e-9
             if not self._tracks[reading.role].push(time_s, reading.position, reading.orientation):
                 self.dropped += 1
+
+    def complete(self) -> list[TrackerFrame]:
+        """The frames for which no reading can come any more that would change them: every role that is being read has
+        one at or after their moment. They need not wait. In the beginning, while roles turn up, all do."""
+        newest = [track.newest_s for track in self._tracks if track.newest_s is not None]
+        last = max(newest, default=0.0)
+        if last < _SILENT_S:
+            return []
+        return self._up_to(min(time_s for time_s in newest if time_s >= last - _SILENT_S))
 
     def frames(self, until_ns: int) -> list[TrackerFrame]:
         """The frames that are due at host time `until_ns`, each `latency_s` after its moment."""

@@ -57,6 +57,11 @@ class Track:
             self._period_s = median(self._intervals) if self._intervals else 0.0
         return self._period_s
 
+    @property
+    def newest_s(self) -> float | None:
+        """Time of the newest reading; None before the first."""
+        return self._times[-1] if self._times else None
+
     def forget_before(self, time_s: float) -> None:
         """Drops what no later `at(time_s)` can need; the two readings before stay for interpolation and velocity."""
         keep_from = bisect_right(self._times, time_s) - 2

@@ -16,7 +16,7 @@ from devices.errors import FileError, SettingError
 from devices.sample import TrackerSample
 from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, SETTINGS_TOPIC, RecordedDevice
 
-_FLUSH_EVERY_NS = 200_000_000
+_FLUSH_EVERY_NS = 150_000_000
 _NUMBER = {"type": "number"}
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 
@@ -80,6 +80,7 @@ class TakeRecorder:
         self._marks: int | None = None
         self._settings: int | None = None
         self._flushed_ns: int | None = None
+        self._unwritten = False
         self._failed = False
 
     def add_device(self, device: RecordedDevice) -> None:
@@ -100,8 +101,9 @@ class TakeRecorder:
                     channel = self._pose_channel(device, sample.tracker)
                     data = pose_message(device, sample)
                     self._writer.add_message(channel, sample.host_time_ns, data, sample.host_time_ns)
+        self._unwritten = self._unwritten or bool(reading.chunks)
         if reading.chunks:
-            self._flush_when_due(reading.chunks[-1].host_time_ns)
+            self.keep_up(reading.chunks[-1].host_time_ns)
 
     def mark(self, time_ns: int, text: str) -> None:
         """Notes that something was at that host time, on the thread that writes. Raises FileError as `write` does."""
@@ -126,6 +128,18 @@ class TakeRecorder:
         """Hands everything so far to the operating system. Raises FileError as `write` does."""
         with self._told():
             self._writer.flush()
+        self._unwritten = False
+
+    def keep_up(self, now_ns: int) -> None:
+        """Flushes what is older than 150 ms; for whoever writes, at moments when nothing may have come.
+
+        now_ns: host time. Raises FileError as `write` does.
+        """
+        if self._flushed_ns is None:
+            self._flushed_ns = now_ns
+        elif self._unwritten and now_ns - self._flushed_ns >= _FLUSH_EVERY_NS:
+            self.flush()
+            self._flushed_ns = now_ns
 
     def close(self) -> None:
         """Finishes the file: index and summary. After a failed write it only closes it."""
@@ -160,13 +174,6 @@ class TakeRecorder:
         if key not in self._poses:
             self._poses[key] = self._writer.register_channel(f"/trackers/{device}/{tracker}", "json", self._schema)
         return self._poses[key]
-
-    def _flush_when_due(self, now_ns: int) -> None:
-        if self._flushed_ns is None:
-            self._flushed_ns = now_ns
-        elif now_ns - self._flushed_ns >= _FLUSH_EVERY_NS:
-            self.flush()
-            self._flushed_ns = now_ns
 
 
 def pose_message(frame: str, sample: TrackerSample) -> bytes:

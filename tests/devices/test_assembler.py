@@ -54,6 +54,58 @@ def test_a_late_reading_is_bridged_and_then_missed():
     assert states[13:] == [TrackerState.MISSING] * 4
 
 
+@given(st.lists(st.floats(4, 30), min_size=1, max_size=4), st.integers(0, 2**32))
+def test_a_complete_frame_is_the_one_that_waiting_gives(periods_ms, seed):
+    rng = random.Random(seed)
+    phases = [rng.random() * period for period in periods_ms]
+    readings = sorted(
+        (
+            reading(role, phase + i * period, rng.random())
+            for role, period, phase in zip(ROLES, periods_ms, phases, strict=False)
+            for i in range(round(1000 / period))
+        ),
+        key=lambda r: r.host_time_ns,
+    )
+    eager, patient = FrameAssembler(60, 0.1), FrameAssembler(60, 0.1)
+    at_once, waited = [], []
+    for each in readings:
+        eager.push([each])
+        at_once += eager.complete()
+        at_once += eager.frames(each.host_time_ns)
+        patient.push([each])
+        waited += patient.frames(each.host_time_ns)
+    waited += patient.frames(readings[-1].host_time_ns + 100 * MS)
+    assert len(at_once) > 45
+    for early, late in zip(at_once, waited, strict=False):
+        assert early.time_s == late.time_s
+        np.testing.assert_array_equal(early.positions, late.positions)
+        np.testing.assert_array_equal(early.states, late.states)
+
+
+def test_a_frame_is_complete_with_the_last_reading_that_it_needs():
+    assembler = FrameAssembler(100, 0.05)
+    assembler.push([reading(role, t) for t in range(0, 310, 10) for role in ("head", "root")])
+    assert len(assembler.complete()) == 31
+    assembler.push([reading("head", 310)])
+    assert assembler.complete() == []
+    assembler.push([reading("root", 311)])
+    assert [round(f.time_s, 3) for f in assembler.complete()] == [0.31]
+    assert assembler.frames(500 * MS)[0].time_s == pytest.approx(0.32)
+
+
+def test_a_role_that_is_lost_is_waited_for_and_then_not_any_more():
+    assembler = FrameAssembler(100, 0.05)
+    assembler.push([reading(role, t) for t in range(0, 310, 10) for role in ("head", "root")])
+    assembler.complete()
+    made = []
+    for t in range(310, 700, 10):
+        assembler.push([reading("head", t)])
+        made.append(len(assembler.complete()))
+    assert made[:25] == [0] * 25
+    assert sum(made) == 39
+    assert made[-1] == 1
+
+
 @given(st.integers(0, 2**32))
 def test_the_splits_of_pushing_do_not_matter(seed):
     rng = random.Random(seed)
