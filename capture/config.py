@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from devices.errors import FileError, SettingError
 from devices.sample import ROLES
 
+MaterialRegion = Literal["head", "chest", "belly", "hips", "arms", "legs"]
 Role = Literal["root", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle"]
 
 
@@ -53,6 +54,26 @@ class CharacterConfig(_Section):
     """The mannequin's: about 7,000, 13,000 or 28,000 vertices."""
     examples: str = ""
     """Example shapes, .toml; otherwise `NAME.examples.toml` beside the mesh, if it is there."""
+    painting: str = ""
+    """What is painted on it, .npz or .toml; otherwise `NAME.painting.npz` or `.toml` beside the mesh, if there."""
+    particles: Annotated[int, Field(ge=300, le=6000)] = 1900
+    """How fine the lattice is: about so many particles. Changed while running, it is bound anew meanwhile."""
+    region_half_width: Annotated[int, Field(ge=1, le=5)] = 2
+    """How far flesh moves as one, in lattice cells. Changed while running, it is bound anew meanwhile."""
+    secondary: bool = True
+    """Whether the flesh swings."""
+    delta: Annotated[float, Field(ge=0, le=0.95)] = 0.6
+    """Share of the flesh's own motion in what is shown; 0 is the skin alone."""
+    frequency_hz: Annotated[float, Field(ge=0.5, le=12)] = 4.5
+    """How fast soft flesh swings, in hertz."""
+    damping_ratio: Annotated[float, Field(ge=0, le=2)] = 0.3
+    """How soon it stops: 0 swings on, 1 does not overshoot."""
+    gravity_m_s2: Annotated[float, Field(ge=0, le=20)] = 0.0
+    """A pull downwards beside the one the mesh was modelled under, in metres a second squared."""
+    volume: bool = True
+    """Whether each part of the body keeps its volume."""
+    softness: dict[MaterialRegion, Annotated[float, Field(ge=0, le=3)]] = {}
+    """Factors on the softness of `head`, `chest`, `belly`, `hips`, `arms`, `legs`, such as `{ belly = 1.5 }`."""
 
 
 class DeviceConfig(_Section):
@@ -101,7 +122,7 @@ class ShowConfig(_Section):
     clip: str = ""
     """A motion (.bvh, .amc) that the key C, or `clip` over OSC, plays in the performer's place."""
     osc_port: Annotated[int, Field(ge=0, le=65535)] = 0
-    """The UDP port on which `/sixpoint/act` with `live`, `idle` or `clip` is obeyed; 0 is off."""
+    """The UDP port on which `/sixpoint/act`, `set`, `record`, `mark`, `poke` are obeyed (docs/window.md); 0 is off."""
 
 
 class OutputConfig(_Section):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from scipy.spatial.transform import Rotation
 
-from capture.characters import average_pose, cast
+from capture.character_settings import character_settings, configured_cast, deform_settings
+from capture.characters import average_pose
 from capture.clock import SessionClock
 from capture.config import DeviceConfig, SessionConfig, commented_config
 from capture.device_settings import device_settings
@@ -107,9 +108,8 @@ def make_pipeline(config: SessionConfig, progress: Progress = no_progress) -> Pi
     reference = average_pose(database, who.skeleton)
     clip = read_motion(config.show.clip) if config.show.clip else None
     director = make_director(who.skeleton, reference, clip)
-    look = config.character
-    chosen = cast(look.mesh, who.skeleton, look.resolution, reference, examples=look.examples or None)
-    return Pipeline(reconstructor, chosen, director)
+    chosen = configured_cast(config.character, who.skeleton, reference)
+    return Pipeline(reconstructor, chosen, director, deform_settings(config.character))
 
 
 @contextmanager
@@ -145,4 +145,5 @@ def make_session(
 
 def live_settings(devices: Sequence[SessionDevice], pipeline: Pipeline | None) -> list[LiveSetting]:
     """All that can be changed while the session runs, by its name in `session.toml`."""
-    return [setting for device in devices for setting in device_settings(device.driver.name, device.intake)]
+    of_devices = [s for device in devices for s in device_settings(device.driver.name, device.intake)]
+    return [*of_devices, *(character_settings(pipeline) if pipeline else ())]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from capture.characters import Cast
 from capture.director import Act, Director
 from capture.standings import Standings, StandingsWatch
-from deformation.deformer import DeformedMesh, Deformer
+from deformation.deformer import DeformedMesh, DeformSettings
+from deformation.live_deformer import LiveDeformer
 from devices.frame import TrackerFrame, frozen
 from devices.sample import ROLES
 from reconstruction.kinematics import world_transforms
@@ -44,10 +45,14 @@ class Pipeline:
     """The stages in their order, one `step` a tracker frame."""
 
     def __init__(
-        self, reconstructor: Reconstructor, cast: Cast | None = None, director: Director | None = None
+        self,
+        reconstructor: Reconstructor,
+        cast: Cast | None = None,
+        director: Director | None = None,
+        settings: DeformSettings | None = None,
     ) -> None:
         self.reconstructor, self.cast, self.director = reconstructor, cast, director
-        self.deformer = Deformer(cast.character) if cast else None
+        self.deformer = LiveDeformer(cast.character, settings) if cast else None
         self._watch = StandingsWatch()
         self._last_s: float | None = None
 

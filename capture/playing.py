@@ -10,7 +10,8 @@ from capture.characters import Cast
 from capture.scene import Scene
 from capture.stage import Stage
 from capture.viewing import Layers
-from deformation.deformer import DeformedMesh, Deformer, DeformSettings
+from deformation.deformer import DeformedMesh, DeformSettings
+from deformation.live_deformer import LiveDeformer
 from devices.frame import TrackerFrame
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Motion
@@ -38,7 +39,7 @@ class PerformanceSource:
     ) -> None:
         self.performance, self.title = performance, title
         self.stage = Stage(performance.motion.skeleton, cast)
-        self.deformer = Deformer(cast.character, settings)
+        self.deformer = LiveDeformer(cast.character, settings)
         self._joints = _all_joints(performance.motion)
         self._moving = self._joints if cast.retargeter is None else _all_joints(cast.motion(performance.motion))
         self._at: int | None = None

@@ -216,11 +216,7 @@ def spread(lattice: Lattice, on_vertices: NDArray[np.float64]) -> NDArray[np.flo
 
     A particle by the surface takes the mean of the vertices in its cells; between those the values are harmonic.
     """
-    share, corners = lattice.vertex_weights, lattice.cells[lattice.vertex_cells]
-    size = len(lattice.particles)
-    carry = csr_matrix(
-        (share.ravel(), (corners.ravel(), np.repeat(np.arange(len(share)), 8))), shape=(size, len(share))
-    )
+    size, carry = len(lattice.particles), csr_matrix(vertex_carrier(lattice).T)
     total = np.asarray(carry.sum(axis=1)).ravel()
     known = total > _EPSILON
     values = np.zeros((size, on_vertices.shape[1]))
@@ -231,6 +227,13 @@ def spread(lattice: Lattice, on_vertices: NDArray[np.float64]) -> NDArray[np.flo
         factor = splu(laplacian[:, ~known].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         values[~known] = factor.solve(-(laplacian[:, known] @ values[known]))
     return values
+
+
+def vertex_carrier(lattice: Lattice) -> csr_matrix:
+    """(V, P): the trilinear weights by which particles carry vertices; rows sum to 1."""
+    share, corners = lattice.vertex_weights, lattice.cells[lattice.vertex_cells]
+    first = np.arange(0, share.size + 1, 8)
+    return csr_matrix((share.ravel(), corners.ravel(), first), shape=(len(share), len(lattice.particles)))
 
 
 def blur(lattice: Lattice) -> csr_matrix:

@@ -82,27 +82,38 @@ def build_lattices(mesh: Mesh, cell_size: float) -> tuple[Lattice, Lattice, NDAr
 
     cell_size: metres. Raises SettingError where it is not positive or gives more than some millions of voxels.
     """
+    points, welded, triangles = _welded(mesh)
+    voxels = _voxelised(points, triangles, cell_size)
+    coarse, fine = (_pieces(voxels, points, triangles, factor) for factor in (VOXELS_PER_CELL, VOXELS_PER_CELL // 2))
+    lattices = [
+        _lattice(pieces, voxels, factor, mesh.vertices, _face_of_vertex(welded, triangles))
+        for pieces, factor in ((coarse, VOXELS_PER_CELL), (fine, VOXELS_PER_CELL // 2))
+    ]
+    return lattices[0], lattices[1], frozen(_holding(coarse, fine, voxels))
+
+
+def _welded(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int32]]:
+    """Points (N, 3) without repetition, the point of each vertex (V,), and triangles (F, 3) of points."""
     if not len(mesh.triangulated):
         raise SettingError("the mesh has no faces: nothing to build a lattice around")
+    points, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    welded = welded.reshape(-1)
+    return points, welded, welded[mesh.triangulated].astype(np.int32)
+
+
+def _voxelised(points: NDArray[np.float64], triangles: NDArray[np.int32], cell_size: float) -> Voxels:
+    """The inside, each cell cut into `VOXELS_PER_CELL` along its edges; raises as `build_lattices` does."""
     if not cell_size > 0:
         raise SettingError(f"cell size {cell_size} m: use a positive length, such as 0.05")
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     count = np.floor((high - low) / cell_size).astype(np.int64) + 1
     if np.prod(count * VOXELS_PER_CELL) > 3e7:
         raise SettingError(
             f"cell size {cell_size} m is too small for a body of {(high - low).round(2)} m: use a larger one"
         )
     origin = (low + high) / 2 - count * cell_size / 2
-    points, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    triangles = welded.reshape(-1)[mesh.triangulated].astype(np.int32)
     nx, ny, nz = (int(n) for n in count * VOXELS_PER_CELL)
-    voxels = voxelise(points, triangles, origin, cell_size / VOXELS_PER_CELL, (nx, ny, nz))
-    coarse, fine = (_pieces(voxels, points, triangles, factor) for factor in (VOXELS_PER_CELL, VOXELS_PER_CELL // 2))
-    lattices = [
-        _lattice(pieces, voxels, factor, mesh.vertices, _face_of_vertex(welded.reshape(-1), triangles))
-        for pieces, factor in ((coarse, VOXELS_PER_CELL), (fine, VOXELS_PER_CELL // 2))
-    ]
-    return lattices[0], lattices[1], frozen(_holding(coarse, fine, voxels))
+    return voxelise(points, triangles, origin, cell_size / VOXELS_PER_CELL, (nx, ny, nz))
 
 
 def expected_cell_size(mesh: Mesh, particles: int) -> float:
@@ -124,8 +135,9 @@ def cell_size_for(mesh: Mesh, particles: int) -> float:
     if particles < 50:
         raise SettingError(f"{particles} lattice particles: use at least 50")
     size = expected_cell_size(mesh, particles)
+    points, _, triangles = _welded(mesh)
     for _ in range(4):
-        count = len(build_lattices(mesh, size)[0].particles)
+        count, _ = _corner_particles(_pieces(_voxelised(points, triangles, size), points, triangles, VOXELS_PER_CELL))
         if abs(count - particles) <= 0.01 * particles:
             break
         size *= float((count / particles) ** (1 / 2.4))
@@ -268,17 +280,9 @@ def _face_of_vertex(welded: NDArray[np.int64], triangles: NDArray[np.int32]) -> 
 def _lattice(
     pieces: _Pieces, voxels: Voxels, factor: int, vertices: NDArray[np.float64], face_of_vertex: NDArray[np.int64]
 ) -> Lattice:
-    """One cell a piece; corners become one particle where linked pieces meet."""
+    """One cell a piece."""
     size = voxels.size * factor
-    a, b = pieces.links.T
-    shift = pieces.cell[b] - pieces.cell[a]
-    joined = []
-    for number, corner in enumerate(CORNERS):
-        there = corner - shift
-        shared = ((there == 0) | (there == 1)).all(axis=1)
-        joined.append(np.stack([8 * a + number, 8 * b + there @ [1, 2, 4]], axis=1)[shared])
-    pairs = np.concatenate(joined)
-    count, particle = _components(pairs, 8 * len(pieces.cell))
+    count, particle = _corner_particles(pieces)
     cells = particle.reshape(-1, 8).astype(np.int32)
     position = np.empty((count, 3))
     position[cells] = voxels.origin + (pieces.cell[:, None, :] + CORNERS) * size
@@ -292,6 +296,18 @@ def _lattice(
         frozen(np.ascontiguousarray(fractions)),
         voxels,
     )
+
+
+def _corner_particles(pieces: _Pieces) -> tuple[int, NDArray[np.int64]]:
+    """How many particles there are, and each cell corner's (8 K,): one particle where linked pieces meet."""
+    a, b = pieces.links.T
+    shift = pieces.cell[b] - pieces.cell[a]
+    joined = []
+    for number, corner in enumerate(CORNERS):
+        there = corner - shift
+        shared = ((there == 0) | (there == 1)).all(axis=1)
+        joined.append(np.stack([8 * a + number, 8 * b + there @ [1, 2, 4]], axis=1)[shared])
+    return _components(np.concatenate(joined), 8 * len(pieces.cell))
 
 
 def _vertex_cells(

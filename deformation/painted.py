@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.heat_weights import Bones, heat_weights, separate_branches, skeleton_bones, spread
+from deformation.heat_weights import Bones, heat_weights, separate_branches, skeleton_bones, spread, vertex_carrier
 from deformation.lattice import Lattice
 from deformation.materials import joint_softness, particle_softness
 from deformation.painting import Painting
@@ -34,7 +34,7 @@ def painted_weights(
     if painted is not None and (painted.sum(axis=1) > 0).all():
         return spread(fine, painted), painted
     heat = separate_branches(heat_weights(fine, bones, skeleton), skeleton, positions)
-    on_vertices = np.einsum("vk,vkj->vj", fine.vertex_weights, heat[fine.cells[fine.vertex_cells]])
+    on_vertices = np.asarray(vertex_carrier(fine) @ heat)
     if painted is None:
         return heat, on_vertices
     on_vertices = np.where(painted.sum(axis=1, keepdims=True) > 0, painted, on_vertices)

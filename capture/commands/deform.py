@@ -25,9 +25,12 @@ def deform(
     examples: Annotated[
         Path | None, typer.Option(help="Example shapes, .toml; NAME.examples.toml beside the character otherwise.")
     ] = None,
+    region_half_width: Annotated[int, typer.Option(min=1, max=5, help="How far flesh moves as one, cells.")] = 2,
+    secondary: Annotated[bool, typer.Option(help="Let the flesh swing.")] = True,
     delta: Annotated[float, typer.Option(help="Share of the secondary motion, 0 to 0.95.")] = 0.6,
     frequency_hz: Annotated[float, typer.Option(help="Of the flesh's free swing, 0.5 to 12.")] = 4.5,
     damping_ratio: Annotated[float, typer.Option(help="0 swings on, 1 does not overshoot.")] = 0.3,
+    gravity_m_s2: Annotated[float, typer.Option(min=0, max=20, help="A pull downwards beside the modelled one.")] = 0.0,
     volume: Annotated[bool, typer.Option(help="Keep the volume of each part.")] = True,
     fps: Annotated[float | None, typer.Option(min=1, max=240, help="Frames a second; the motion's own, or 30.")] = None,
     width: Annotated[int, typer.Option(min=64, max=7680, help="Of the pictures, pixels.")] = 960,
@@ -57,11 +60,12 @@ def deform(
         raise FileError(f"{out}: the folder {out.parent} does not exist")
     if particles is not None and cell_size_m is not None:
         raise SettingError("--particles and --cell-size-m are both given: use one of them")
-    settings = DeformSettings(volume, SecondarySettings(delta, frequency_hz, damping_ratio))
+    swing = SecondarySettings(delta, frequency_hz, damping_ratio, (0.0, -gravity_m_s2, 0.0))
+    settings = DeformSettings(volume, swing if secondary else None)
     clip = read_npz(motion) if motion.suffix.lower() == ".npz" else read_motion(motion)
     rate = fps or (clip.fps if ending in (".glb", ".npz") else min(clip.fps, 30.0))
     clip = resampled(clip, rate) if abs(rate - clip.fps) > 1e-6 else clip
-    cells = LatticeSettings(cell_size_m=cell_size_m, particles=particles)
+    cells = LatticeSettings(cell_size_m, particles, region_half_width=region_half_width)
     chosen = cast(character, clip.skeleton, resolution, clip.pose(0), cells, examples, painting)
     tell_all(chosen.notes)
     body, clip = chosen.character, chosen.motion(clip)
