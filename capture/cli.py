@@ -44,7 +44,7 @@ _group("database", "Motion databases: what the solver knows.", [("build", databa
 _group(
     "evaluate",
     "The papers' experiments on given data.",
-    [("tables", evaluate.tables), ("transitions", transition.evaluate_transitions)],
+    [("tables", evaluate.tables), ("actions", evaluate.actions), ("transitions", transition.evaluate_transitions)],
 )
 _group(
     "bench",

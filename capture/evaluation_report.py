@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from capture.evaluation import Experiment, Row, Score, mean_scores
+from capture.evaluation import Experiment, Row, mean_scores
+from capture.evaluation_runs import Score
 
 PRINTED_NAMES = {
     "gplvm": "GPLVM style IK (Grochow 2004)",
@@ -61,7 +62,10 @@ def markdown(experiment: Experiment) -> str:
     ]
     for name, table in tables_of(experiment).items():
         lines += ["", f"### {TITLES[name]}", "", *_markdown_table(table)]
-    lines += ["", "### Smoothness and time, six trackers", "", *_cost_table(experiment)]
+    if any(score.trackers == 6 for score in experiment.scores):
+        lines += ["", "### Smoothness and time, six trackers", "", *_cost_table(experiment)]
+    if "default" in plan.methods:
+        lines += ["", "### sixpoint by number of trackers", "", *_own_table(experiment)]
     return "\n".join(lines) + "\n"
 
 
@@ -118,11 +122,52 @@ def _cost_table(experiment: Experiment) -> list[str]:
     rows = mean_scores(
         (s for s in experiment.scores if s.trackers == 6 and s.database == "large"), lambda s: (s.method,)
     )
-    lines = ["| | jitter ratio | ms a frame, median | worst clip |", "|---|---|---|---|"]
+    lines = ["| | jitter ratio | slide ratio | ms a frame, median | worst clip |", "|---|---|---|---|---|"]
     return lines + [
-        f"| {PRINTED_NAMES[method]} | {row.jitter_ratio:.2f} | {row.solve_ms:.2f}"
+        f"| {PRINTED_NAMES[method]} | {row.jitter_ratio:.2f} | {row.slide_ratio:.2f} | {row.solve_ms:.2f}"
         f" | {row.worst_deg:.2f} / {row.worst_cm:.2f} |"
         for (method,), row in rows.items()
+    ]
+
+
+_DETAILS = "deg | worst clip deg | cm | worst clip cm | tracked cm | jitter ratio | slide ratio | within 1 sigma"
+
+
+def _details(row: Row) -> str:
+    return (
+        f"{row.euler_deg:.2f} | {row.worst_deg:.2f} | {row.mpjpe_cm:.2f} | {row.worst_cm:.2f} | {row.tracked_cm:.2f}"
+        f" | {row.jitter_ratio:.2f} | {row.slide_ratio:.2f} | {100 * row.within_sigma:.0f} %"
+    )
+
+
+def _own_table(experiment: Experiment) -> list[str]:
+    """Everything about our own method, by number of trackers, on the large database."""
+    rows = mean_scores(
+        (s for s in experiment.scores if s.method == "default" and s.database == "large"), lambda s: (s.trackers,)
+    )
+    lines = [f"| trackers | {_DETAILS} |", "|---" * 9 + "|"]
+    return lines + [f"| {trackers} | {_details(row)} |" for (trackers,), row in rows.items()]
+
+
+def markdown_without_actions(scores: Sequence[Score]) -> str:
+    """A table a method and number of trackers: each action left out of the database, and the mean of all clips."""
+    lines: list[str] = []
+    for method, trackers in dict.fromkeys((s.method, s.trackers) for s in scores):
+        these = [s for s in scores if (s.method, s.trackers) == (method, trackers)]
+        rows = mean_scores(these, lambda s: (s.action,)) | mean_scores(these, lambda s: ("all",))
+        lines += ["", f"### {PRINTED_NAMES[method]}, {trackers} trackers, each action left out of the database", ""]
+        lines += [f"| left out | clips | {_DETAILS} |", "|---" * 10 + "|"]
+        lines += [f"| {action} | {row.clips} | {_details(row)} |" for (action,), row in rows.items()]
+    return "\n".join(lines[1:]) + "\n"
+
+
+def write_without_actions(scores: Sequence[Score], folder: Path) -> list[Path]:
+    """`actions_scores.csv` (one clip and run a line) and `actions.md`. Returns what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = markdown_without_actions(scores)
+    return [
+        _write_csv(folder / "actions_scores.csv", [_flat(score) for score in scores]),
+        _written_beside(folder / "actions.md", lambda part: part.write_text(text, encoding="utf-8")),
     ]
 
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.accuracy import accuracy, counted_joints
+from capture.accuracy import accuracy, counted_joints, share_within_sigma
 from devices.errors import SettingError
 from reconstruction.motion import Motion
 from reconstruction.motion_operations import cropped
@@ -51,3 +51,29 @@ def test_end_sites_are_not_counted(truth: Motion) -> None:
 def test_motions_that_cannot_be_compared_are_refused(truth: Motion) -> None:
     with pytest.raises(SettingError, match="90 frames"):
         accuracy(truth, cropped(truth, 0, 50))
+
+
+def test_a_foot_that_drifts_while_it_stands_slides(truth: Motion) -> None:
+    still = replace(
+        truth, root_positions=truth.root_positions[:1].repeat(90, 0), rotations=truth.rotations[:1].repeat(90, 0)
+    )
+    drift = np.arange(90)[:, None] / truth.fps * np.array([0.03, 0, 0.04])
+    found = accuracy(still, replace(still, root_positions=still.root_positions + drift))
+    assert found.slide_cm_s == pytest.approx(5)
+    assert found.true_slide_cm_s == pytest.approx(0, abs=1e-9)
+
+
+def test_a_foot_in_the_air_does_not_slide(truth: Motion) -> None:
+    running = replace(truth, root_positions=truth.root_positions + np.arange(90)[:, None] * np.array([0.0, 0, 0.1]))
+    assert accuracy(running, running).slide_cm_s == 0
+
+
+def test_the_share_within_sigma_counts_joints_that_turn(truth: Motion) -> None:
+    rotations = truth.rotations.copy()
+    head, joints = truth.skeleton.names.index("Head"), counted_joints(truth.skeleton)
+    rotations[:, head] = multiply(rotations[:, head], exponential(np.radians([0.0, 0.0, 6.0])))
+    sigma = np.full((len(truth), len(truth.skeleton)), np.radians(5.0))
+    sigma[:, joints[0]] = 0
+    share = share_within_sigma(truth, replace(truth, rotations=rotations), sigma)
+    assert share == pytest.approx(1 - 1 / (len(joints) - 1))
+    assert share_within_sigma(truth, replace(truth, rotations=rotations), 1.3 * sigma) == 1

@@ -1,23 +1,23 @@
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from capture.commands.evaluate import tables, tracker_counts
-from capture.evaluation import (
+from capture.commands.evaluate import actions, tables, tracker_counts
+from capture.evaluation import Plan, mean_scores, run_experiment, run_without_actions
+from capture.evaluation_data import (
     ACTION_PATTERN,
     HOLD_OUT,
-    METHODS,
-    TRACKER_SETS,
     Clip,
-    Plan,
+    evenly_chosen,
     find_clips,
-    run_experiment,
     split_by_action,
-    tracker_frames,
+    split_off,
 )
-from capture.evaluation_report import TITLES, markdown, tables_of, write_report
+from capture.evaluation_report import TITLES, markdown, markdown_without_actions, tables_of, write_report
+from capture.evaluation_runs import METHODS, TRACKER_SETS, tracker_frames
 from devices.errors import FileError, SettingError
 from devices.sample import ROLES
 from reconstruction.motion_files.bvh import write_bvh
@@ -145,7 +145,7 @@ def test_databases_are_kept_for_the_same_clips(data: Path, tmp_path: Path) -> No
 
 
 def test_the_command_prints_json(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tables([data], tmp_path, ["nearest"], "6", 1, 0.5, None, False, True)
+    tables([data], tmp_path, ["nearest"], "6", 1, 0.5, None, False, 1, True)
     printed = json.loads(capsys.readouterr().out)
     assert printed["table1"][0]["method"] == "nearest"
     assert (tmp_path / "tables.md").is_file()
@@ -153,3 +153,45 @@ def test_the_command_prints_json(data: Path, tmp_path: Path, capsys: pytest.Capt
 
 def test_methods_are_those_of_the_paper_and_the_rivals() -> None:
     assert {"gplvm", "lpca", "lpcr", "paper", "default", "mean-16-ik"} <= set(METHODS)
+
+
+def test_an_action_is_left_out_whole() -> None:
+    split = split_off(clips("walk", 3) + clips("run", 2), "walk")
+    assert {clip.action for clip in split.held_out} == {"walk"}
+    assert {clip.action for clip in split.training} == {"run"}
+    with pytest.raises(FileError, match="run, walk"):
+        split_off(clips("walk", 3) + clips("run", 2), "swim")
+    with pytest.raises(FileError, match="cannot be left out"):
+        split_off(clips("walk", 3), "walk")
+
+
+def test_clips_are_chosen_evenly() -> None:
+    chosen = evenly_chosen(clips("walk", 9) + clips("run", 2), 3)
+    assert [clip.path.stem for clip in chosen] == ["walk_00", "walk_04", "walk_08", "run_00", "run_01"]
+
+
+def test_every_action_left_out_is_scored_without_itself(data: Path, tmp_path: Path) -> None:
+    plan = Plan(methods=("default",), counts=(6,), clips=1, seconds=0.5)
+    scores = run_without_actions([data], tmp_path, plan)
+    assert [(s.database, s.action) for s in scores] == [("without run", "run"), ("without walk", "walk")]
+    text = markdown_without_actions(scores)
+    all_of_them = mean_scores(scores, lambda s: ())[()]
+    assert f"| all | 2 | {all_of_them.euler_deg:.2f} | {all_of_them.worst_deg:.2f} |" in text
+    manifest = json.loads((tmp_path / "without-run" / "manifest.json").read_text())
+    assert not any(name.startswith("run") for name, _, _ in manifest["clips"])
+
+
+def test_several_processes_score_as_one(data: Path, tmp_path: Path) -> None:
+    plan = Plan(methods=("damped-ik", "default"), counts=(6,), clips=1, seconds=0.5)
+    alone = run_experiment([data], tmp_path, plan)
+    together = run_experiment([data], tmp_path, replace(plan, jobs=2))
+    assert [(s.method, s.database, s.clip, s.accuracy) for s in alone.scores] == [
+        (s.method, s.database, s.clip, s.accuracy) for s in together.scores
+    ]
+
+
+def test_the_command_for_actions_prints_json(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    actions([data], tmp_path, ["run"], ["damped-ik"], "4", 1, 0.5, None, False, 1, True)
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["method"], row["trackers"], row["left_out"]) == ("damped-ik", 4, "run")
+    assert (tmp_path / "actions.md").is_file()

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from capture.accuracy import accuracy
-from capture.evaluation import TRACKER_SETS, tracker_frames
+from capture.evaluation_runs import TRACKER_SETS, tracker_frames
 from devices.sample import ROLES
 from reconstruction.baselines import BASELINES
 from reconstruction.baselines.gplvm import learned, objective, spread_out
