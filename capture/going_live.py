@@ -1,21 +1,21 @@
 """What `live` and `record` do: open, run until told to stop, close with everything kept, and say how it went."""
 
 import json
+import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 
 from capture.config import SessionConfig
 from capture.latency import LatencyRecorder, latency_table
 from capture.live import OpenDevice, make_pipeline, make_session, open_devices, open_streams, start_recording
-from capture.pipeline import Pipeline
 from capture.progress import progress_bar
 from capture.reloading import reloading
 from capture.session import Session
+from capture.take_desk import TakeDesk, dated_take
 from devices.errors import FileError, SixpointError
 from replay_logs.recorder import TakeRecorder
 
@@ -57,13 +57,13 @@ def solve_live(
         pipeline.warm_up()
     with (
         open_streams(config, pipeline) as watchers,
-        _obeying(config, pipeline),
         _open(config) as devices,
         _recording(take, config, devices) as recorder,
     ):
         session = make_session(config, devices, pipeline, recorder, watchers, tell)
-        with reloading(source, config, session.tuning, tell):
-            _run(session, seconds, shown)
+        desk = TakeDesk(session, lambda path: start_recording(path, config, devices), Path(config.record.folder))
+        with reloading(source, config, session.tuning, tell), _obeying(config, session, desk):
+            _run(session, seconds, shown, desk)
     return session
 
 
@@ -83,8 +83,8 @@ def keep_quietly(config: SessionConfig, take: Path, seconds: float | None) -> Se
     return session
 
 
-def _run(session: Session, seconds: float | None, shown: bool) -> None:
-    """The session on a thread of its own; this one draws, or waits."""
+def _run(session: Session, seconds: float | None, shown: bool, desk: TakeDesk | None = None) -> None:
+    """The session on a thread of its own; this one draws, or waits. A take begun meanwhile is finished."""
     stop = threading.Event()
     failure: list[BaseException] = []
 
@@ -99,23 +99,41 @@ def _run(session: Session, seconds: float | None, shown: bool) -> None:
     thread = threading.Thread(target=work, name="session")
     thread.start()
     try:
-        _watch(session, stop, seconds, shown)
+        with _signals_end_it(stop):
+            _watch(session, stop, seconds, shown, desk)
     except KeyboardInterrupt:
         pass
     finally:
         stop.set()
         thread.join()
+        if session.recorder:
+            session.recorder.close()
     if failure:
         raise failure[0]
 
 
-def _watch(session: Session, stop: threading.Event, seconds: float | None, shown: bool) -> None:
+@contextmanager
+def _signals_end_it(stop: threading.Event) -> Iterator[None]:
+    """A terminal that is closed or a `kill` ends the session in order, as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    kinds = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {kind: signal.signal(kind, lambda *_: stop.set()) for kind in kinds}
+    try:
+        yield
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+def _watch(session: Session, stop: threading.Event, seconds: float | None, shown: bool, desk: TakeDesk | None) -> None:
     end = None if seconds is None else time.monotonic() + seconds
     if shown:
         from capture.live_window import show_session
 
         try:
-            show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end))
+            show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end), desk)
             return
         except SixpointError as error:
             # Who performs cannot see to it now, and what is recorded must not end with a picture.
@@ -126,14 +144,16 @@ def _watch(session: Session, stop: threading.Event, seconds: float | None, shown
 
 
 @contextmanager
-def _obeying(config: SessionConfig, pipeline: Pipeline) -> Iterator[None]:
-    """Listens to what to show, where a port is configured."""
-    if not config.show.osc_port or pipeline.director is None:
+def _obeying(config: SessionConfig, session: Session, desk: TakeDesk) -> Iterator[None]:
+    """Listens to what it is told over OSC, where a port is configured."""
+    pipeline = session.pipeline
+    if not config.show.osc_port or pipeline is None:
         yield
         return
-    from capture.remote import listening
+    from capture.remote import listening, orders
 
-    with listening(pipeline.director, config.show.osc_port):
+    poke = pipeline.deformer.poke if pipeline.deformer else None
+    with listening(orders(pipeline.director, session.tuning, desk, poke), config.show.osc_port, tell=tell):
         yield
 
 
@@ -170,7 +190,7 @@ def _check_take(take: Path | None) -> None:
 
 def _dated_take(folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap"
+    return dated_take(folder)
 
 
 def _name(take: Path | None) -> str | None:

@@ -35,8 +35,9 @@ class LatencyRecorder:
             self.add(stage, nanoseconds)
 
     def summary(self) -> dict[str, dict[str, float]]:
-        """Milliseconds by stage: `p50`, `p95`, `p99`, `max`."""
-        return {stage: percentiles_ms(np.array(values) * 1e-6) for stage, values in self._stages.items()}
+        """Milliseconds by stage: `p50`, `p95`, `p99`, `max`. From any thread."""
+        stages = list(self._stages.items())
+        return {stage: percentiles_ms(np.array(values) * 1e-6) for stage, values in stages}
 
 
 def latency_table(summary: Mapping[str, Mapping[str, float]], title: str = "milliseconds a frame") -> object:

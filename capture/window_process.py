@@ -69,17 +69,18 @@ def show_apart(
     process = context.Process(target=_draw, args=(there, opening), name="sixpoint window", daemon=True)
     process.start()
     there.close()
+    stopped = False
     try:
         _serve(here, source, actions, until)
     finally:
         here.close()
         process.join(timeout=5)
-        if process.is_alive():
+        if stopped := process.is_alive():
             process.terminate()
             process.join()
         status = process.exitcode
         process.close()
-    if status:
+    if status and not stopped:
         raise SixpointError(f"the window is lost: its process ended with status {status}")
 
 

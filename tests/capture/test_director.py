@@ -9,7 +9,7 @@ from pythonosc.udp_client import SimpleUDPClient
 from scipy.spatial.transform import Rotation
 
 from capture.director import Act, make_director
-from capture.remote import ADDRESS, listening
+from capture.remote import ADDRESS, listening, orders
 from devices.errors import SettingError
 from reconstruction.motion import Pose
 from reconstruction.motion_library import actions
@@ -84,7 +84,7 @@ def test_a_clip_of_other_joints_is_carried_over(walk):
 
 
 def test_acts_are_asked_for_over_osc(director, walk):
-    with listening(director, 0) as port:
+    with listening(orders(director), 0) as port:
         client = SimpleUDPClient("127.0.0.1", port)
         for frame in range(400):
             if frame % 10 == 5:
@@ -100,5 +100,9 @@ def test_acts_are_asked_for_over_osc(director, walk):
 
 
 def test_a_port_in_use_is_told(director):
-    with listening(director, 0) as port, pytest.raises(SettingError, match=str(port)), listening(director, port):
+    with (
+        listening(orders(director), 0) as port,
+        pytest.raises(SettingError, match=str(port)),
+        listening(orders(director), port),
+    ):
         pass
