@@ -21,6 +21,9 @@ from replay_logs.take import RecordedDevice, read_take
 from tests.fakes import FakeDriver, generic_readings, readings_now, wait_until
 
 
+NUMBERED = dict(zip("123456", ROLES, strict=True))
+
+
 class RecordingPipeline:
     """Remembers the frames it was given."""
 
@@ -57,7 +60,7 @@ class ListRecorder:
 def session(driver, pipeline, recorder=None, watchers=(), tuning=None, tell=lambda _: None):
     clock = SessionClock()
     assembler = FrameAssembler(60.0, 0.01, epoch_ns=clock.start_ns)
-    device = SessionDevice(driver, DeviceIntake(IDENTITY_ASSIGNMENT))
+    device = SessionDevice(driver, DeviceIntake(IDENTITY_ASSIGNMENT | NUMBERED))
     return Session([device], assembler, pipeline, clock, recorder, watchers, tuning, tell)
 
 
@@ -113,7 +116,7 @@ def test_settings_change_between_two_frames_and_the_take_solves_to_the_same_read
     """A session whose smoothing is switched on and off while it records, read back from its take."""
     path, placed, seen = tmp_path / "a.mcap", [], []
     with TakeRecorder(path) as recorder:
-        device = RecordedDevice("fake", "generic", {}, dict(zip("123456", ROLES, strict=True)))
+        device = RecordedDevice("fake", "generic", {}, NUMBERED)
         recorder.add_device(device)
         intake = device.intake()
         tuning = Tuning(device_settings("fake", intake))
