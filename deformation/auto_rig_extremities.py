@@ -30,11 +30,14 @@ class Extremities:
     tips: dict[str, int]
     fields: dict[str, NDArray[np.float64]]
     others: tuple[int, ...]
+    upright: bool = False
 
     @property
     def height(self) -> float:
-        """Metres from sole to crown."""
-        return float(np.ptp(self.graph.vertices[:, 1]))
+        """Metres from the lowest point to the crown; to the highest point of an animal, whose head is no measure."""
+        at = self.graph.vertices[:, 1]
+        top = at[self.tips["head"]] if self.upright else at.max()
+        return float(top - at.min())
 
     def place(self, name: str) -> NDArray[np.float64]:
         """(3,) metres of a tip."""
@@ -103,7 +106,7 @@ def _sided(
     turn = np.stack([across, [0.0, 1.0, 0.0], forward])
     tips = {"head": head, "left_hand": hands[0], "right_hand": hands[1], "left_foot": feet[0], "right_foot": feet[1]}
     turned = replace(graph, vertices=at @ turn.T)
-    return Extremities(turned, turn, tips, {name: far[tip] for name, tip in tips.items()}, tuple(others))
+    return Extremities(turned, turn, tips, {name: far[tip] for name, tip in tips.items()}, tuple(others), True)
 
 
 def _toe_direction(graph: SurfaceGraph, field: NDArray[np.float64], tip: int) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.auto_rig_extremities import Extremities
-from deformation.curve_skeleton import MINIMAL_BEND, CentreLine, corner, sharpest_bend
+from deformation.curve_skeleton import MINIMAL_BEND, CentreLine, outward, sharpest_bend
 from deformation.isocurves_geodesic import level_rings, peaks
 from deformation.rig_templates import HUMAN, HumanTemplate
 from devices.errors import SixpointError
@@ -15,6 +15,21 @@ Joints = dict[str, NDArray[np.float64]]
 
 _NARROWEST_TO_WRIST = 0.012
 """The forearm is narrowest that share of stature above the wrist's joint."""
+
+_HIND_FOOT = 0.04
+"""Along the surface the heel is so near to the longest ring around the foot, as a share of stature; toes are not."""
+
+_CLEAR_BEND = 2 * MINIMAL_BEND
+"""An elbow or knee that bends so far is where it bends, whatever proportion says."""
+
+_WIDENED = 1.2
+"""Where the neck's rings are longer than the shortest by so much it goes over into the shoulders."""
+
+_PALM = 0.6
+"""Fingers have shorter rings than that share of the longest on hand and forearm; the palm has longer ones."""
+
+_PALM_LENGTH = 0.12
+"""The palm's longest ring lies so near to the fingers, as a share of the arm."""
 
 _NARROWEST_TO_KNEE = 0.012
 """The leg is narrowest that share of stature under the knee's joint."""
@@ -86,7 +101,9 @@ def _arm(
     line = line_of(name, reach)
     shoulder = _above_armpit(body, line, reach, armpit, template)
     whole = float(np.linalg.norm(shoulder - line.at(0.75 * line.length))) + 0.75 * line.length
-    narrow = line.narrowest(0.15 * whole, 0.38 * whole) - _NARROWEST_TO_WRIST * stature
+    web = line.widens(_PALM, 0.38 * whole)
+    palm = line.widest(web, web + _PALM_LENGTH * whole)
+    narrow = line.narrowest(max(palm, 0.15 * whole), 0.38 * whole) - _NARROWEST_TO_WRIST * stature
     wrist_arc = (narrow + template.hand * whole) / 2
     upper = line.between(wrist_arc, max(0.85 * line.length, line.nearest_arc(shoulder)))
     elbow = _middle_joint(line, wrist_arc, whole, 1 - template.elbow, upper, 0.0)
@@ -120,18 +137,20 @@ def _above_armpit(
 def _middle_joint(
     line: CentreLine, end_arc: float, whole: float, share: float, span: CentreLine, above_waist: float
 ) -> NDArray[np.float64]:
-    """Elbow or knee: at the bend where there is one, else midway of where proportion and the limb's waist put it.
+    """Elbow or knee: midway of where proportion and the limb's waist put it, and the more it bends the more at the bend.
 
     end_arc: of the wrist or ankle; whole: arc of the shoulder or hip; share: of the way from the former to the latter.
     span: the line between these, as far as it goes; above_waist: metres from the narrowest place on to the joint.
     """
     arc, bend = sharpest_bend(span)
     expected = end_arc + share * (whole - end_arc)
-    if bend >= MINIMAL_BEND and abs(end_arc + arc - expected) < 0.2 * (whole - end_arc):
-        return corner(span, arc)
     margin = 0.16 * (whole - end_arc)
     waist = line.waist(expected - margin, expected + margin)
-    return line.at(expected if waist is None else (expected + waist + above_waist) / 2)
+    usual = expected if waist is None else (expected + waist + above_waist) / 2
+    if bend < MINIMAL_BEND or abs(end_arc + arc - expected) > 0.2 * (whole - end_arc):
+        return line.at(usual)
+    trust = min((bend - MINIMAL_BEND) / (_CLEAR_BEND - MINIMAL_BEND), 1.0)
+    return line.at(trust * (end_arc + arc) + (1 - trust) * usual) + outward(span, arc)
 
 
 def _hip_height(
@@ -165,7 +184,7 @@ def _leg(
     below = _NARROWEST_TO_KNEE * body.height
     knee = _middle_joint(line, ankle_arc, whole, 1 - template.knee, line.between(ankle_arc, line.length), below)
     tip = body.place(name)
-    ball_arc = (1 - template.toes) * float(np.linalg.norm((tip - ankle)[[0, 2]]))
+    ball_arc = (1 - template.toes) * _across(tip - ankle, line.axis(0.36 * reach, 0.52 * reach)[1])
     return {
         f"{side}_upper_leg": hip,
         f"{side}_lower_leg": knee,
@@ -178,13 +197,24 @@ def _leg(
 def _ankle(
     body: Extremities, name: str, line: CentreLine, reach: float, template: HumanTemplate
 ) -> NDArray[np.float64]:
-    """On the shank's axis, midway of a body's usual ankle height and that of the ring around heel and instep."""
-    floor = float(body.graph.vertices[:, 1].min())
-    foot = level_rings(body.graph, body.fields[name], np.linspace(0.1, 0.38, 28) * reach)
-    heel = foot.centres[np.argmax(foot.girths)]
-    height = (float(heel[1]) + floor + template.ankle_height * body.height) / 2
+    """On the shank's axis, midway of a body's usual ankle height and that of the ring around heel and instep.
+
+    Heights are along that axis, from the heel's lowest point on, so that the foot may stand on its toes or hang.
+    """
+    field = body.fields[name]
+    foot = level_rings(body.graph, field, np.linspace(0.1, 0.38, 28) * reach)
+    widest = int(np.argmax(foot.girths))
     middle, direction = line.axis(0.36 * reach, 0.52 * reach)
-    return middle + (height - middle[1]) / direction[1] * direction
+    up = -direction
+    hind = np.abs(field - foot.levels[widest]) < _HIND_FOOT * body.height
+    sole = float((body.graph.vertices[hind] @ up).min())
+    height = (float(foot.centres[widest] @ up) + sole + template.ankle_height * body.height) / 2
+    return middle + (height - middle @ up) * up
+
+
+def _across(offset: NDArray[np.float64], axis: NDArray[np.float64]) -> float:
+    """Metres of an offset (3,) at right angles to a unit axis (3,)."""
+    return float(np.linalg.norm(offset - (offset @ axis) * axis))
 
 
 def _trunk_middle(body: Extremities, height: float) -> NDArray[np.float64]:
@@ -200,7 +230,7 @@ def _trunk(
     shoulders = (limbs["left_upper_arm"] + limbs["right_upper_arm"]) / 2
     hips = (limbs["left_upper_leg"] + limbs["right_upper_leg"]) / 2
     line = line_of("head", 0.3 * body.height)
-    neck = _neck(line, shoulders)
+    neck = _neck(body, line, shoulders, template)
     hips = hips + np.array([0, 0.04 * (neck[1] - hips[1]), 0])
     joints: Joints = {"hips": hips, "neck": neck}
     for name, share in zip(("spine", "chest", "upper_chest"), template.spine, strict=True):
@@ -214,15 +244,18 @@ def _trunk(
     return joints
 
 
-def _neck(line: CentreLine, shoulders: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Between the neck's seam, where it has widened by a fifth, and midway from its waist down to the shoulders."""
-    low = 0.35 * line.length
-    waist = line.narrowest(low, line.length)
+def _neck(
+    body: Extremities, line: CentreLine, shoulders: NDArray[np.float64], template: HumanTemplate
+) -> NDArray[np.float64]:
+    """The middle one of three estimates of its height: by where the neck is slim, where it widens, and by the head."""
+    low, room = float(shoulders[1]), float(body.place("head")[1] - shoulders[1])
+    waist = line.narrowest(0.35 * line.length, line.length)
     slim = float(np.interp(waist, line.arcs, line.girths))
-    wide = (line.arcs > waist) & (line.girths > 1.2 * slim)
-    seam = line.points[np.flatnonzero(wide)[0]] if wide.any() else line.points[-1]
-    midway = (line.at(waist) + shoulders) / 2
-    return np.array([shoulders[0], (seam[1] + midway[1]) / 2, (line.at(waist)[2] + seam[2]) / 2])
+    wide = np.flatnonzero((line.arcs > waist) & (line.girths > _WIDENED * slim))
+    seam = line.points[wide[0]] if len(wide) else line.points[-1]
+    by_waist = low + template.neck_to_waist * (line.at(waist)[1] - low)
+    height = float(np.median([by_waist, seam[1], low + template.neck_to_crown * room]))
+    return np.array([shoulders[0], height, (line.at(waist)[2] + seam[2]) / 2])
 
 
 def _on_trunk(

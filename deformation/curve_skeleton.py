@@ -55,6 +55,16 @@ class CentreLine:
         margin = 0.1 * (high - low)
         return place if low + margin < place < high - margin else None
 
+    def widest(self, low: float, high: float) -> float:
+        """Metres from the tip to the greatest girth between two arc lengths."""
+        inside = np.flatnonzero((self.arcs >= low) & (self.arcs <= high))
+        return float(self.arcs[inside[np.argmax(self.girths[inside])]]) if len(inside) else (low + high) / 2
+
+    def widens(self, share: float, high: float) -> float:
+        """Metres from the tip to the first ring as long as that share of the longest before an arc length."""
+        before = self.girths[self.arcs <= high]
+        return float(self.arcs[np.argmax(before >= share * before.max())])
+
     def axis(self, low: float, high: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The straight line that fits best between two arc lengths: a point (3,) and a unit direction (3,) tipwards."""
         part = self.between(low, high).points
@@ -90,19 +100,24 @@ def sharpest_bend(line: CentreLine) -> tuple[float, float]:
     return float(line.arcs[corner]), turn_between(line.points[corner] - start, end - line.points[corner])
 
 
-def corner(line: CentreLine, arc: float) -> NDArray[np.float64]:
-    """(3,) where the straight parts on both sides of a bend at an arc length would meet.
+def outward(line: CentreLine, arc: float) -> NDArray[np.float64]:
+    """(3,) from the line at a bend to the corner at which the straight parts on both sides would meet.
 
-    The line itself cuts the corner, as the curves around a bent joint lie askew.
+    The line itself cuts the corner, as the curves around a bent joint lie askew. Only what is across the line counts:
+    along it the meeting of two lines is ill known. No more than the limb's radius.
     """
     p, u = line.axis(0.15 * arc, 0.75 * arc)
     rest = line.length - arc
     q, v = line.axis(arc + 0.25 * rest, arc + 0.85 * rest)
     # The nearest points of two straight lines p + s u, q + t v.
-    across = 1 - (u @ v) ** 2
+    across = max(1 - (u @ v) ** 2, 1e-12)
     s = ((q - p) @ u - ((q - p) @ v) * (u @ v)) / across
     t = -((q - p) @ v - ((q - p) @ u) * (u @ v)) / across
-    return (p + s * u + q + t * v) / 2
+    offset = (p + s * u + q + t * v) / 2 - line.at(arc)
+    along = (u + v) / max(float(np.linalg.norm(u + v)), 1e-12)
+    offset = offset - (offset @ along) * along
+    radius = float(np.interp(arc, line.arcs, line.girths)) / (2 * np.pi)
+    return offset * min(1.0, radius / max(float(np.linalg.norm(offset)), 1e-12))
 
 
 def turn_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -1,7 +1,8 @@
 """What is known of a character before it is seen: joints, their order, and the proportions that no curve shows.
 
 Human figures are those of Drillis and Contini (1966) as printed in Winter, Biomechanics and Motor Control of Human
-Movement, and of Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel (crotch and cervicale heights).
+Movement, and of Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel (heights of the crotch, acromion,
+suprasternale and cervicale).
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ class HumanTemplate:
     hip_between: hip joint's height from crotch to shoulder; hip_to_shoulder, hip_to_stature: from the floor to those.
     knee, elbow: along hip-ankle and shoulder-wrist. hand: wrist to finger tip along the arm; arm (shoulder to
     finger tip), ankle_height: of stature.
+    neck_to_waist, neck_to_crown: height of the neck's base, midway of suprasternale and cervicale, from the shoulders
+    to where the neck is narrowest and to the crown.
     spine: along hips-neck; clavicle: along breast bone-shoulder; head: along neck-crown; toes: along ankle-toe tip.
     """
 
@@ -29,6 +32,8 @@ class HumanTemplate:
     clavicle: float = 0.155
     head: float = 0.333
     toes: float = 0.67
+    neck_to_waist: float = 0.604
+    neck_to_crown: float = 0.215
 
 
 HUMAN = HumanTemplate()

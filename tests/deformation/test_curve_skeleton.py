@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deformation.curve_skeleton import corner, downsampled, line_through, sharpest_bend
+from deformation.curve_skeleton import downsampled, line_through, outward, sharpest_bend
 from deformation.isocurves_geodesic import level_rings, mean_distance, peaks, surface_graph
 from deformation.mesh import Mesh
 from tests.deformation.bodies import box, joined
@@ -33,7 +33,18 @@ def test_a_corner_that_was_cut_is_found() -> None:
     arc, bend = sharpest_bend(line)
     assert bend == pytest.approx(np.radians(60), abs=0.15)
     assert np.linalg.norm(line.at(arc) - [1, 0, 0]) > 0.02
-    np.testing.assert_allclose(corner(line, arc), [1, 0, 0], atol=0.01)
+    found = line.at(arc) + outward(line, arc)
+    np.testing.assert_allclose(found, [1, 0, 0], atol=0.02)
+    slim = line_through(smooth, np.full(len(points), 0.1))
+    assert np.linalg.norm(outward(slim, arc)) == pytest.approx(0.1 / (2 * np.pi))
+
+
+def test_where_a_hand_widens_and_narrows() -> None:
+    arcs = np.arange(8)[:, None] * np.array([0.1, 0, 0])
+    line = line_through(arcs, np.array([0.0, 0.05, 0.06, 0.25, 0.28, 0.2, 0.22, 0.3]))
+    assert line.widens(0.6, 0.7) == pytest.approx(0.3)
+    assert line.widest(0.3, 0.5) == pytest.approx(0.4)
+    assert line.narrowest(0.4, 0.7) == pytest.approx(0.5)
 
 
 def test_slices_of_a_cylinder_are_its_rings() -> None:
