@@ -8,7 +8,7 @@ from collections.abc import Callable
 import typer
 from typer.exceptions import Abort, TyperException
 
-from capture.commands import bench, bench_reconstruct, config, database, evaluate, transition
+from capture.commands import bench, bench_reconstruct, config, database, evaluate, take, transition
 from capture.commands.calibrate import calibrate
 from capture.commands.deform import deform
 from capture.commands.demo import demo
@@ -41,6 +41,11 @@ _DEVICE_COMMANDS = (devices, doctor, align, simulate)
 for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)
 _group("database", "Motion databases: what the solver knows.", [("build", database.build), ("info", database.info)])
+_group(
+    "take",
+    "Recorded takes: what is in them, parts, sums and other forms of them.",
+    [("info", take.info), ("trim", take.trim), ("merge", take.merge), ("convert", take.convert)],
+)
 _group(
     "evaluate",
     "The papers' experiments on given data.",

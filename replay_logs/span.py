@@ -44,5 +44,10 @@ class Span:
         first, last = ((ns - self.origin_ns) * 1e-9 * fps for ns in (self.from_ns, self.to_ns))
         return max(0, ceil(first - _SLACK)), floor(last + _SLACK)
 
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return (self.to_ns - self.from_ns) * 1e-9
+
     def __contains__(self, time_ns: int) -> bool:
         return self.from_ns <= time_ns <= self.to_ns

@@ -28,9 +28,10 @@ _LATE_S = (0.5, 4.0)
 
 @dataclass(frozen=True)
 class Trimmed:
-    """take: the part; lead_in_s: seconds of bytes that it keeps from before it."""
+    """take: the part; span: what of it counts; lead_in_s: seconds of bytes that it keeps from before."""
 
     take: Take
+    span: Span
     lead_in_s: float
 
 
@@ -52,7 +53,7 @@ def trimmed(take: Take, from_s: float | None = None, to_s: float | None = None) 
         part = _cut(take, begin_ns, end_ns, span)
         if [r for r in part.readings() if needed <= r.host_time_ns <= enough] == wanted:
             kept_ns = min(chunks[0].host_time_ns for chunks in part.chunks.values() if chunks)
-            return Trimmed(part, max(0.0, (span.from_ns - kept_ns) * 1e-9))
+            return Trimmed(part, span, max(0.0, (span.from_ns - kept_ns) * 1e-9))
     raise AssertionError("a take with all its bytes gives other readings")
 
 
@@ -62,9 +63,7 @@ def _span(take: Take, readings: list[RoleReading], from_s: float | None, to_s: f
     to_ns = now.to_ns if to_s is None else now.from_ns + round(to_s * 1e9)
     lasts_s = (now.to_ns - now.from_ns) * 1e-9
     if not now.from_ns <= from_ns < min(to_ns, now.to_ns):
-        raise SettingError(
-            f"{take.path}: it lasts from 0 to {lasts_s:.2f} s; give --from and --to in this order within"
-        )
+        raise SettingError(f"{take.path}: it lasts from 0 to {lasts_s:.2f} s: give --from and --to in between")
     return Span(now.origin_ns, from_ns, min(to_ns, now.to_ns))
 
 
