@@ -103,7 +103,7 @@ class MotionDatabase:
             "degrees_of_freedom": self.space.dof,
             "windows": len(self.windows),
             "spacing_cm": round(100 * self.spacing, 3),
-            "megabytes": round(sum(f.stat().st_size for f in self.path.iterdir()) / 1e6, 1),
+            "megabytes": round(sum(f.stat().st_size for f in self.path.rglob("*")) / 1e6, 1),
         }
 
 

@@ -11,6 +11,9 @@ def build(
     out: Annotated[Path, typer.Option(help="The folder to make.")],
     fps: Annotated[float, typer.Option(min=10, max=240, help="Poses a second in the database.")] = 60.0,
     mirror: Annotated[bool, typer.Option("--mirror", help="Add each motion's mirror image.")] = False,
+    neighbour_graph: Annotated[
+        bool, typer.Option("--neighbour-graph", help="Add the paper's neighbour graph, for `--method paper`.")
+    ] = False,
 ) -> None:
     """Index motions of one skeleton into a motion database.
 
@@ -23,6 +26,11 @@ def build(
     files = motion_files(paths)
     with progress_bar("building the database") as progress:
         database = build_database((read_motion(file) for file in files), out, fps, mirror, progress, count=len(files))
+    if neighbour_graph:
+        from reconstruction.paper_histories import add_neighbour_graph
+
+        with progress_bar("linking neighbours") as progress:
+            add_neighbour_graph(database, progress)
     print(f"{len(database)} poses of {len(database.clips)} motions in {out}")
 
 
