@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capture.mannequin_cache import cached_mannequin
 from capture.scene import CLAY
 from deformation.character import Character, LatticeSettings, make_character
 from deformation.character_files import Skin, bound_character, read_character
 from deformation.example_files import examples_beside, with_examples
-from deformation.mannequin import mannequin, mannequin_colours
 from deformation.painting import UNPAINTED, painting_beside, read_painting
 from deformation.retarget import Retargeter
 from devices.errors import choice_error
@@ -66,11 +66,11 @@ def cast(
     if resolution not in RESOLUTIONS:
         raise choice_error("mannequin resolution", resolution, RESOLUTIONS)
     if name == MANNEQUIN:
-        mesh, bind = mannequin(performer, resolution, reference)
-        paint = read_painting(painting, performer, len(mesh.vertices)) if painting else UNPAINTED
-        character = make_character(mesh, performer, bind, name, settings, paint)
+        body = cached_mannequin(performer, resolution, reference)
+        paint = read_painting(painting, performer, len(body.mesh.vertices)) if painting else UNPAINTED
+        character = make_character(body.mesh, performer, body.bind, name, settings, paint)
         character = with_examples(character, examples) if examples else character
-        return Cast(character, colours=mannequin_colours(character.mesh))
+        return Cast(character, colours=body.colours)
     if not Path(name).suffix:
         raise choice_error("character", name, (MANNEQUIN, "the path of a .glb, .vrm, .obj or .ply file"))
     file = read_character(name)
