@@ -1,6 +1,5 @@
 """Solving a whole take: the file's frames through the reconstruction, with the figures a user wants of it."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,8 @@ import numpy as np
 
 from capture.latency import percentiles_ms
 from capture.profiles import load_profile
+from capture.progress import tell_all
+from capture.solve_settings import SolveSettings
 from devices.errors import FileError, SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
@@ -16,9 +17,11 @@ from reconstruction.database import MotionDatabase
 from reconstruction.motion import Motion
 from reconstruction.mounting import Mounting
 from reconstruction.skeleton import Skeleton
-from reconstruction.solver import Reconstruction, SolverSettings, reconstruct
+from reconstruction.solver import Reconstruction, Reconstructor
 from reconstruction.stature import scaled_to_stature
-from replay_logs.frames import load_frames
+from replay_logs.frames import load_frames, take_frames
+from replay_logs.retuning import retuned
+from replay_logs.take import read_take
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +60,40 @@ def solve_take(
     method: `default` or `paper`. trackers: the roles to use, with commas between; all where None. profile: a
     performer's name or file of `sixpoint calibrate`, in place of the stature. Raises FileError and SettingError.
     """
-    frames = load_frames(take, database.fps, warn=lambda message: print(f"sixpoint: {message}", file=sys.stderr))
-    if trackers is not None:
-        frames = only_roles(frames, trackers)
+    settings = SolveSettings().with_values(performer__height_m=height_m, trackers=trackers)
+    settings = settings.with_values(performer__profile=None if profile is None else str(profile), solver__method=method)
+    return solve_with(take, database, settings, progress)
+
+
+def solve_with(
+    take: Path, database: MotionDatabase, settings: SolveSettings, progress: Progress = no_progress
+) -> SolvedTake:
+    """Every frame of a `.mcap` take or a `.csv` of tracks, solved with these settings (their database apart).
+
+    Raises FileError and SettingError.
+    """
+    frames = frames_with(take, database.fps, settings)
+    body = performer(database, settings.height_m, settings.profile or None)
+    solver = Reconstructor(database, body.skeleton, settings.solver, mounting=body.mounting)
+    return SolvedTake(frames, solver.solve_take(frames, progress))
+
+
+def frames_with(take: Path, fps: float, settings: SolveSettings) -> list[TrackerFrame]:
+    """The frames of a take or of tracks, its devices' filters and the roles as in the settings. Raises FileError where
+    no role has a position, and SettingError."""
+    if settings.device:
+        if take.suffix.lower() == ".csv":
+            raise SettingError(f"{take}: tracks have no device whose settings could be changed")
+        held = retuned(read_take(take), settings.device)
+        tell_all([held.missing] if held.missing else [])
+        frames = take_frames(held, fps)
+    else:
+        frames = load_frames(take, fps, warn=lambda message: tell_all([message]))
+    if settings.trackers is not None:
+        frames = only_roles(frames, settings.trackers)
     if not any(frame.measured.any() for frame in frames):
         raise FileError(f"{take}: no tracker with a role in it has a position")
-    body = performer(database, height_m, profile)
-    settings = SolverSettings(method=method)
-    return SolvedTake(frames, reconstruct(frames, database, body.skeleton, settings, progress, mounting=body.mounting))
+    return frames
 
 
 @dataclass(frozen=True, eq=False)
