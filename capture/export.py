@@ -5,14 +5,12 @@ import os
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from capture.glb import write_glb
-from capture.joint_presets import renamed, renamed_skeleton
+from capture.joint_presets import renamed
 from deformation.character import Character
 from devices.errors import FileError, choice_error
 from devices.frame import frozen
@@ -36,11 +34,9 @@ def write_motion(
     """
     write = motion_writer(path)
     if write is write_glb:
-        character = character or _mannequin(motion)
-        if joint_names is not None:
-            character = replace(character, skeleton=renamed_skeleton(character.skeleton, joint_names))
-        write = partial(write_glb, character)
-    write(motion if joint_names is None else renamed(motion, joint_names), path)
+        write_glb(character or _mannequin(motion), motion, path, joint_names=joint_names)
+    else:
+        write(motion if joint_names is None else renamed(motion, joint_names), path)
 
 
 def motion_writer(path: str | Path) -> Callable[..., None]:

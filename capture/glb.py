@@ -4,6 +4,7 @@ glTF's axes, units and quaternions are the system's own (Y up, metres, x y z w),
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.colour import linear
+from capture.joint_presets import renamed, renamed_skeleton
 from capture.scene import CLAY
 from deformation.character import Character
 from deformation.character_files import Skin
@@ -32,16 +34,25 @@ _VERTEX_TARGET, _INDEX_TARGET = 34962, 34963
 
 
 def write_glb(
-    character: Character, motion: Motion, path: str | Path, colours: ArrayLike = CLAY, skin: Skin | None = None
+    character: Character,
+    motion: Motion,
+    path: str | Path,
+    colours: ArrayLike = CLAY,
+    skin: Skin | None = None,
+    joint_names: str | None = None,
 ) -> None:
     """Writes the character with its skeleton, weights and the motion, beside `path` and renamed into place.
 
     motion: of the character's tree of joints; its own bone lengths are used. colours: sRGB, (3,) or (V, 3).
     skin: of the character's own mesh, with its materials and pictures; then `colours` are not used.
+    joint_names: one of `capture.joint_presets`, or None to keep the skeleton's own.
     Raises SixpointError where the motion belongs to another skeleton, OSError.
     """
     if not character.skeleton.same_tree(motion.skeleton):
         raise SixpointError(f"{path}: the motion {motion.name!r} moves another skeleton than {character.name!r} has")
+    if joint_names is not None:
+        character = replace(character, skeleton=renamed_skeleton(character.skeleton, joint_names))
+        motion = renamed(motion, joint_names)
     path = Path(path)
     partial = path.with_name(f".{path.name}.partial")
     try:

@@ -52,6 +52,16 @@ PRESETS: Mapping[str, Mapping[str, str]] = {
 }
 """Joint name by humanoid bone; `{Side}` stands for Left or Right, `{S}` for L or R."""
 
+OURS = "ours"
+"""The name that stands for a motion's own joint names."""
+
+
+def check_preset(name: str) -> str | None:
+    """The preset, None for `ours`. Raises SettingError for one that is not there."""
+    if name != OURS and name not in PRESETS:
+        raise choice_error("joint names", name, (OURS, *PRESETS))
+    return None if name == OURS else name
+
 
 def renamed(motion: Motion, preset: str) -> Motion:
     """The same motion with its humanoid joints called as in `PRESETS[preset]`; joints no preset knows keep their names.

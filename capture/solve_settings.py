@@ -129,7 +129,9 @@ def _with(settings: SolveSettings, key: str, value: object) -> SolveSettings:
         return replace(settings, solver=_solver_with(settings.solver, key, name.split("."), value))
     if section == "device":
         return replace(settings, device=_device_with(settings.device, key, name, value))
-    raise choice_error("setting", key, allowed_keys(settings))
+    allowed = allowed_keys(settings)
+    near = [known for known in allowed if known.startswith(f"{section}.")]
+    raise choice_error("setting", key, near or dict.fromkeys(f"{known.split('.')[0]}..." for known in allowed))
 
 
 def _session_with(session: SessionConfig, section: str, name: str, value: object) -> SessionConfig:

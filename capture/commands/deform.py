@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from capture.commands.options import Resolution
+from capture.commands.options import JointNames, Resolution
 from devices.errors import FileError, SettingError, choice_error
 
 _ENDINGS = (".glb", ".npz", ".gif", ".mp4", "a folder for PNG frames")
@@ -35,6 +35,7 @@ def deform(
     fps: Annotated[float | None, typer.Option(min=1, max=240, help="Frames a second; the motion's own, or 30.")] = None,
     width: Annotated[int, typer.Option(min=64, max=7680, help="Of the pictures, pixels.")] = 960,
     height: Annotated[int, typer.Option(min=64, max=4320, help="Of the pictures, pixels.")] = 540,
+    joint_names: JointNames = "ours",
 ) -> None:
     """Put a motion onto a character: mesh of the lattice in .npz and pictures, skin and animation in .glb.
 
@@ -44,6 +45,7 @@ def deform(
     from capture.characters import cast
     from capture.deforming import pictures, write_vertices
     from capture.export import read_npz, write_glb
+    from capture.joint_presets import check_preset
     from capture.progress import progress_bar, tell_all
     from capture.video import write_frames, write_video
     from deformation.character import LatticeSettings, painting_of
@@ -56,6 +58,7 @@ def deform(
     ending = out.suffix.lower()
     if ending and ending not in _ENDINGS:
         raise choice_error("ending", ending, _ENDINGS)
+    preset = check_preset(joint_names)
     if out.parent != Path() and not out.parent.is_dir():
         raise FileError(f"{out}: the folder {out.parent} does not exist")
     if particles is not None and cell_size_m is not None:
@@ -72,7 +75,7 @@ def deform(
     if save_painting is not None:
         write_painting(painting_of(body), body.skeleton, save_painting)
     if ending == ".glb":
-        write_glb(body, clip, out, skin=chosen.skin)
+        write_glb(body, clip, out, skin=chosen.skin, joint_names=preset)
     else:
         with progress_bar("deforming") as progress:
             if ending == ".npz":

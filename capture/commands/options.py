@@ -14,3 +14,6 @@ CharacterName = Annotated[str, typer.Option(help="`mannequin`, or a character's 
 Resolution = Annotated[str, typer.Option(help="The mannequin's: low, medium or high.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
 Take = Annotated[Path, typer.Argument(help="A take (.mcap), or tracks (.csv).")]
+JointNames = Annotated[
+    str, typer.Option(help="What joints are called in the file: ours, blender, cmu, mixamo or motionbuilder.")
+]
