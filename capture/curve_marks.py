@@ -6,14 +6,16 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from deformation.isocurves import iso_curves, tubes
+from deformation.isocurves import iso_curves
 from deformation.isocurves_pairing import paired_quads
 from deformation.mesh import Mesh
 from devices.frame import frozen
 
 RING: tuple[float, float, float] = (0.83, 0.29, 0.24)
-"""A closed curve of a tube: it runs around a limb."""
+"""A closed curve that is short against the body: it runs around a limb."""
 ALONG: tuple[float, float, float] = (0.20, 0.33, 0.62)
+_LIMB = 0.28
+"""The most that a ring extends, as a share of the whole mesh."""
 _LIFT_M = 0.0015
 """So far above the skin the strokes lie, or a window would draw half of them under it."""
 
@@ -35,11 +37,12 @@ def curve_strokes(mesh: Mesh) -> CurveStrokes:
     """The curves of a mesh of quads; triangles are paired to quads first."""
     mesh = mesh if len(mesh.quads) >= len(mesh.triangles) else paired_quads(mesh)[0]
     curves = iso_curves(mesh)
-    rings = set(tubes(mesh, curves).curves.tolist())
     segments, colours = [np.empty((0, 2), np.int32)], [np.empty((0, 3))]
+    whole = np.ptp(mesh.vertices, axis=0).max()
     for number in range(len(curves)):
         own = curves.curve(number)
         pairs = np.column_stack([own, np.roll(own, -1)])[: len(own) if curves.closed[number] else -1]
         segments.append(pairs.astype(np.int32))
-        colours.append(np.broadcast_to(RING if number in rings else ALONG, (len(pairs), 3)))
+        around = curves.closed[number] and np.ptp(mesh.vertices[own], axis=0).max() < _LIMB * whole
+        colours.append(np.broadcast_to(RING if around else ALONG, (len(pairs), 3)))
     return CurveStrokes(frozen(np.concatenate(segments)), frozen(np.concatenate(colours)))

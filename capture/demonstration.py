@@ -10,6 +10,7 @@ import numpy as np
 
 from capture.characters import Cast, average_pose, cast
 from capture.export import write_glb, write_motion
+from capture.ghosts import Ghosts
 from capture.latency import LatencyRecorder, latency_table
 from capture.library import open_named_database
 from capture.pipeline import Pipeline
@@ -20,10 +21,9 @@ from capture.video import write_frames, write_video
 from capture.viewer import has_display, show
 from capture.viewing import Layers
 from devices.errors import SixpointError
-from devices.frame import TrackerFrame, frozen
+from devices.frame import TrackerFrame
 from reconstruction.database import MotionDatabase
-from reconstruction.motion import Motion
-from reconstruction.solver import Reconstructor
+from reconstruction.solver import Reconstruction, Reconstructor
 from replay_logs.frames import load_frames
 
 DEMO_TAKE = "demo.mcap"
@@ -63,15 +63,9 @@ def perform(
             solutions.append(shot.solution)
             latencies.add_all(shot.stages_ns)
             progress(number, len(frames))
-    motion = Motion(
-        pipeline.reconstructor.skeleton,
-        frozen(np.array([s.pose.root_position for s in solutions])),
-        frozen(np.array([s.pose.rotations for s in solutions])),
-        database.fps,
-        "demo",
-    )
-    sigma, coverage = np.array([s.sigma for s in solutions]), np.array([s.coverage for s in solutions])
-    return Performance(motion, frames, frozen(sigma), frozen(coverage))
+    skeleton = pipeline.reconstructor.skeleton
+    solved = Reconstruction.of(solutions, skeleton, database.fps, "demo")
+    return Performance(solved.motion, frames, solved, Ghosts(database, skeleton))
 
 
 def _frames(database: MotionDatabase, seconds: float | None) -> list[TrackerFrame]:
@@ -85,7 +79,8 @@ def _show(performance: Performance, mannequin: Cast) -> bool:
     if not has_display():
         return False
     try:
-        show(PerformanceSource(performance, mannequin, "sixpoint demo"), title="sixpoint demo")
+        source = PerformanceSource(performance, mannequin, "sixpoint demo")
+        show(source, title="sixpoint demo", actions=source.actions())
     except SixpointError as error:
         print(f"sixpoint: {error}; writing files instead", file=sys.stderr)
         return False
@@ -107,7 +102,7 @@ def _pictures(performance: Performance, mannequin: Cast) -> Iterator[np.ndarray]
     source = PerformanceSource(performance, mannequin, "sixpoint demo")
     total = int(source.duration_s * _FILM_FPS) + 1
     with progress_bar("drawing") as progress:
-        for number, scene in enumerate(source.scenes(_FILM_FPS, Layers()), 1):
+        for number, scene in enumerate(source.scenes(_FILM_FPS, Layers(statistics=False)), 1):
             yield render(scene, *_PICTURE)
             progress(number, total)
 

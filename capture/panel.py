@@ -70,7 +70,7 @@ class TuningPanel:
         if isinstance(value, bool):
             return PanelRow(setting.name, "on" if value else "off")
         share = (value - setting.low) / ((setting.high - setting.low) or 1.0)
-        return PanelRow(setting.name, f"{value:.4g} {setting.unit}".rstrip(), share)
+        return PanelRow(setting.name, f"{value + 0.0:.4g} {setting.unit}".rstrip(), share)
 
     def _foot(self) -> tuple[str, ...]:
         setting, first = self._shown[self.chosen].setting, self._shown[self.chosen].first

@@ -1,33 +1,62 @@
 """From a file to what can be played: a take is solved, a motion read."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from capture.characters import average_pose
+from capture.ghosts import Ghosts
 from capture.library import open_named_database
 from capture.playing import Performance
 from capture.progress import progress_bar
-from capture.solving import SolvedTake, solve_take
+from capture.solve_settings import SolveSettings, recorded_settings
+from capture.solving import SolvedTake, solve_with
 from reconstruction.motion import Pose
 from reconstruction.motion_files import read_motion
+from replay_logs.span import Span
+from replay_logs.take import read_take
 
 TAKES = (".mcap", ".csv")
 
 
-def performance_of(
-    path: Path, database: str, height_m: float | None = None, profile: Path | None = None
-) -> tuple[Performance, Pose]:
-    """A take solved, or a motion read, and a pose of it that stands."""
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A file as it is played. reference: a pose of the performer that stands; solved: the take's solution, or None."""
+
+    performance: Performance
+    reference: Pose
+    solved: SolvedTake | None = None
+
+
+def played(path: Path, settings: SolveSettings) -> Played:
+    """A take solved with these settings, or a motion read. Raises FileError and SettingError."""
     if path.suffix.lower() not in TAKES:
         motion = read_motion(path)
-        return Performance(motion), motion.pose(0)
+        return Played(Performance(motion), motion.pose(0))
     with progress_bar("opening the database") as progress:
-        known = open_named_database(database, progress)
+        known = open_named_database(settings.database, progress)
     with progress_bar("solving") as progress:
-        solved = solve_take(path, known, height_m=height_m, profile=profile, progress=progress)
-    return performance(solved), average_pose(known, solved.motion.skeleton)
+        solved = solve_with(path, known, settings, progress)
+    skeleton = solved.motion.skeleton
+    ghosts, marks = Ghosts(known, skeleton), marks_of(path, known.fps)
+    performance = Performance(solved.motion, solved.frames, solved.reconstruction, ghosts, marks)
+    return Played(performance, average_pose(known, skeleton), solved)
 
 
-def performance(solved: SolvedTake) -> Performance:
-    """A solved take as it is played."""
-    r = solved.reconstruction
-    return Performance(solved.motion, solved.frames, r.sigma, r.coverage)
+def said(path: Path, **options: object) -> SolveSettings:
+    """What the session that recorded a take had said, and above it what the options say (`with_values`)."""
+    recorded = recorded_settings(read_take(path)) if path.suffix.lower() == ".mcap" else SolveSettings()
+    return recorded.with_values(**options)
+
+
+def marks_of(path: Path, fps: float) -> tuple[tuple[float, str], ...]:
+    """Second and text of each mark, from the first frame of a take on; none in other files."""
+    if path.suffix.lower() != ".mcap":
+        return ()
+    take = read_take(path)
+    readings, span = take.readings(), Span.of(take)
+    if not take.marks or not readings:
+        return ()
+    start_ns = readings[0].host_time_ns
+    if span is not None:
+        start_ns = span.origin_ns + round(span.frames(fps)[0] / fps * 1e9)
+    return tuple(((mark.time_ns - start_ns) * 1e-9, mark.text) for mark in take.marks)

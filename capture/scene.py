@@ -280,8 +280,7 @@ def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
     Words are the left one's; whoever calls knows how the two belong together.
     """
     aside = apart_m / 2 * left.camera.axes[0]
-    shift = np.subtract(left.camera.target, right.camera.target) * (1.0, 0.0, 1.0)
-    a, b = _moved(left, -aside), _moved(right, aside + shift)
+    a, b = _moved(left, -aside), _moved(right, aside)
     return replace(
         left,
         surfaces=a.surfaces + b.surfaces,

@@ -105,7 +105,7 @@ class Stage:
         if layers.curves and skin is not None and self.character is not None:
             curves = curve_strokes(self.character.mesh)
             lifted = curves.lifted(skin.vertices, skin.normals)
-            lines.append(Lines(lifted, curves.segments, curves.colours, width=1.0, opacity=0.8))
+            lines.append(Lines(lifted, curves.segments, curves.colours, width=0.8, opacity=0.7))
         camera = self._camera(time_s, joints[:, :3, 3])
         legend = self._colours.legend(layers.paint, layers.bone) if self._colours and surfaces else ""
         words = (*(status if layers.statistics else ()), *([legend] if legend else ()))

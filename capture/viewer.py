@@ -99,7 +99,10 @@ def show_here(
     pictures: int | None,
 ) -> None:
     """`show` in this very process."""
-    controls = Controls(Playback(source.duration_s, source.frame_s), layers=layers or Layers(), actions=dict(actions))
+    marks: tuple[float, ...] = getattr(source, "marks", ())
+    controls = Controls(
+        Playback(source.duration_s, source.frame_s, marks), layers=layers or Layers(), actions=dict(actions)
+    )
     with _Window(title, width, height, controls) as window:
         before, drawn = time.perf_counter(), 0
         scene: Scene | None = None
@@ -135,6 +138,8 @@ def controlled(scene: Scene, controls: Controls) -> Scene:
         timeline=timeline,
         floor=scene.floor if controls.layers.floor else None,
         keys=controls.help() if controls.show_help else (),
+        figures=() if controls.show_help else scene.figures,
+        panel=None if controls.show_help else scene.panel,
     )
 
 

@@ -74,10 +74,14 @@ class Action:
 
 @dataclass
 class Playback:
-    """Where in a recording the window is. duration_s: None while live, when only the clock runs."""
+    """Where in a recording the window is.
+
+    duration_s: None while live, when only the clock runs; marks: seconds of noted moments.
+    """
 
     duration_s: float | None = None
     frame_s: float = 1 / 60
+    marks: tuple[float, ...] = ()
     loop: bool = True
     time_s: float = 0.0
     paused: bool = False
@@ -110,6 +114,11 @@ class Playback:
         """Stops, and goes that many frames on or back."""
         self.paused = True
         self.seek((round(self.time_s / self.frame_s) + frames) * self.frame_s)
+
+    def to_mark(self) -> None:
+        """Goes to the next mark, after the last to the first; nothing where there is none."""
+        if self.marks:
+            self.seek(min((m for m in self.marks if m > self.time_s + 1e-6), default=min(self.marks)))
 
     def faster(self, steps: int) -> None:
         """Goes up or down the list of speeds; nothing while live."""
@@ -217,6 +226,7 @@ _RECORDING_KEYS = (
     (".", "a frame on"),
     ("Home", "to the start"),
     ("End", "to the end"),
+    ("G", "to the next mark"),
     ("[", "slower"),
     ("]", "faster"),
 )
@@ -250,6 +260,7 @@ _PRESSES: Mapping[str, Callable[[Controls], None]] = {
     ".": lambda c: c.playback.step(1),
     "Home": lambda c: c.playback.seek(0.0),
     "End": lambda c: c.playback.seek(math.inf),
+    "G": lambda c: c.playback.to_mark(),
     "[": lambda c: c.playback.faster(-1),
     "]": lambda c: c.playback.faster(1),
     "1": lambda c: c._toggle("skin"),

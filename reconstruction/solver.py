@@ -98,6 +98,28 @@ class Reconstruction:
     neighbours: tuple[NDArray[np.int32], ...] = ()
     headings: NDArray[np.float64] = field(default_factory=lambda: _WORLD[None])
 
+    @classmethod
+    def of(
+        cls, solutions: Sequence[Solution], skeleton: Skeleton, fps: float, name: str = "reconstruction"
+    ) -> "Reconstruction":
+        """Solutions of frames that followed each other."""
+        motion = Motion(
+            skeleton,
+            frozen(np.array([s.pose.root_position for s in solutions])),
+            frozen(np.array([s.pose.rotations for s in solutions])),
+            fps,
+            name,
+        )
+        return cls(
+            motion,
+            frozen(np.array([s.sigma for s in solutions])),
+            frozen(np.array([s.coverage for s in solutions])),
+            frozen(np.array([s.states for s in solutions])),
+            frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
+            tuple(s.neighbours.astype(np.int32) for s in solutions),
+            frozen(np.array([s.heading for s in solutions])),
+        )
+
 
 class Reconstructor:
     """Solves frames that come one database period apart, on a body with the database's joints.
@@ -196,22 +218,7 @@ class Reconstructor:
         for number, frame in enumerate(frames):
             solutions.append(self.solve(frame))
             progress(number + 1, len(frames))
-        motion = Motion(
-            self.skeleton,
-            frozen(np.array([s.pose.root_position for s in solutions])),
-            frozen(np.array([s.pose.rotations for s in solutions])),
-            self.database.fps,
-            "reconstruction",
-        )
-        return Reconstruction(
-            motion,
-            frozen(np.array([s.sigma for s in solutions])),
-            frozen(np.array([s.coverage for s in solutions])),
-            frozen(np.array([s.states for s in solutions])),
-            frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
-            tuple(s.neighbours.astype(np.int32) for s in solutions),
-            frozen(np.array([s.heading for s in solutions])),
-        )
+        return Reconstruction.of(solutions, self.skeleton, self.database.fps)
 
     def solve(self, frame: TrackerFrame) -> Solution:
         """The most probable pose for the trackers of one frame."""

@@ -113,10 +113,11 @@ def panel_card(panel: Panel, height: int) -> Card:
     size = round(letter_height(height) * _SMALL)
     pitch, font, margin = round(1.6 * size), _font(size), round(0.8 * size)
     names = max(_length(row.name, font) for row in panel.rows)
-    values = max(_length(row.value, font) for row in panel.rows)
+    values = max(_length(_spelled(row.value), font) for row in panel.rows)
     bar = 5 * size
-    width = max(names + values + bar + 3 * size, *(_length(line, font) for line in panel.foot), 0)
-    foot = pitch * len(panel.foot) + (size // 2 if panel.foot else 0)
+    lines = [_spelled(line) for line in panel.foot]
+    width = max(names + values + bar + 3 * size, *(_length(line, font) for line in lines), 0)
+    foot = pitch * len(lines) + (size // 2 if lines else 0)
     card, draw = _framed(width + 2 * margin, pitch * len(panel.rows) + foot + 2 * margin)
     for number, row in enumerate(panel.rows):
         top, here = margin + number * pitch, number == panel.chosen
@@ -124,10 +125,10 @@ def panel_card(panel: Panel, height: int) -> Card:
             draw.rectangle((margin // 2, top, width + 1.5 * margin, top + pitch - 1), fill=_ACCENT_PALE)
         ink, middle = _ACCENT if here else _INK, top + pitch / 2
         draw.text((margin, middle), row.name, fill=ink, font=font, anchor="lm")
-        draw.text((margin + width, middle), row.value, fill=ink, font=font, anchor="rm")
+        draw.text((margin + width, middle), _spelled(row.value), fill=ink, font=font, anchor="rm")
         if row.share is not None:
             _bar(draw, (margin + names + size, middle - 2, margin + names + size + bar, middle + 2), row.share)
-    for number, line in enumerate(panel.foot):
+    for number, line in enumerate(lines):
         top = margin + len(panel.rows) * pitch + size // 2 + number * pitch
         draw.text((margin, top), line, fill=_PALE, font=font)
     return _done(card)
@@ -203,6 +204,11 @@ def _done(card: Image.Image) -> Card:
 def _bytes(colour: Colour) -> tuple[int, int, int]:
     red, green, blue = (round(255 * c) for c in colour)
     return red, green, blue
+
+
+def _spelled(text: str) -> str:
+    """With what the typeface does not have in other characters."""
+    return text.replace("\N{SUPERSCRIPT TWO}", "^2")
 
 
 def _length(text: str, font: ImageFont.FreeTypeFont) -> int:

@@ -18,7 +18,7 @@ from capture.raster.cards import (
 )
 from capture.scene import Colour, Scene
 
-_SOLID = 0.88
+_SOLID = 0.9
 """How much of a framed card is card, and not the picture behind it."""
 
 
