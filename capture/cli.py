@@ -9,6 +9,7 @@ import typer
 from typer.exceptions import Abort, TyperException
 
 from capture.commands import bench, bench_reconstruct, config, database, evaluate, take, transition
+from capture.commands.batch import batch
 from capture.commands.calibrate import calibrate
 from capture.commands.deform import deform
 from capture.commands.demo import demo
@@ -36,7 +37,20 @@ def _group(name: str, meaning: str, commands: list[tuple[str, Callable[..., None
     app.add_typer(group, name=name)
 
 
-_COMMANDS = (demo, replay, live, record, calibrate, reconstruct, deform, rig, inbetween, transition.transition, stream)
+_COMMANDS = (
+    demo,
+    replay,
+    live,
+    record,
+    calibrate,
+    reconstruct,
+    batch,
+    deform,
+    rig,
+    inbetween,
+    transition.transition,
+    stream,
+)
 _DEVICE_COMMANDS = (devices, doctor, align, simulate)
 for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)
@@ -59,6 +73,7 @@ _group(
         ("deform", bench.deform),
         ("rig", bench.rig),
         ("live", bench.live),
+        ("soak", bench.soak),
     ],
 )
 _group("config", "The session's settings.", [("init", config.init), ("check", config.check)])

@@ -1,20 +1,23 @@
 """What `live` and `record` do: open, run until told to stop, close with everything kept, and say how it went."""
 
+import gc
 import json
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from capture.config import SessionConfig
 from capture.latency import LatencyRecorder, latency_table
 from capture.live import OpenDevice, make_pipeline, make_session, open_devices, open_streams, start_recording
+from capture.pipeline import Shot
 from capture.progress import progress_bar
 from capture.reloading import reloading
 from capture.session import Session
+from capture.start_up import process_age_s
 from capture.take_desk import TakeDesk, dated_take
 from devices.errors import FileError, SixpointError
 from replay_logs.recorder import TakeRecorder
@@ -43,24 +46,39 @@ def go_live(
     if window and not shown:
         tell("no display here: solving without a window")
     session = solve_live(config, take, seconds, shown, source)
-    _report(session.latencies, {"poses": session.solved, "skipped": session.skipped, "take": _name(take)}, as_json)
+    _report(session.latencies, live_figures(session) | {"take": _name(take)}, as_json)
+
+
+def live_figures(session: Session) -> dict[str, object]:
+    """Poses solved and frames skipped, and how many seconds it took from the program's start to the first pose."""
+    first = session.first_pose_ns
+    start_s = None if first is None else round(process_age_s(first), 2)
+    return {"poses": session.solved, "skipped": session.skipped, "start_to_first_pose_s": start_s}
 
 
 def solve_live(
-    config: SessionConfig, take: Path | None, seconds: float | None, shown: bool, source: Path | None = None
+    config: SessionConfig,
+    take: Path | None,
+    seconds: float | None,
+    shown: bool,
+    source: Path | None = None,
+    watchers: Sequence[Callable[[Shot], None]] = (),
 ) -> Session:
-    """Runs a session to its end, recorded where a take is named; gives it back for its figures."""
+    """Runs a session to its end, recorded where a take is named; gives it back for its figures.
+
+    watchers: called with each shot, besides the configured streams.
+    """
     _check_take(take)
     with progress_bar("opening the database") as progress:
         pipeline = make_pipeline(config, progress)
     with progress_bar("loading kernels"):
         pipeline.warm_up()
     with (
-        open_streams(config, pipeline) as watchers,
+        open_streams(config, pipeline) as streams,
         _open(config) as devices,
         _recording(take, config, devices) as recorder,
     ):
-        session = make_session(config, devices, pipeline, recorder, watchers, tell)
+        session = make_session(config, devices, pipeline, recorder, [*streams, *watchers], tell)
         desk = TakeDesk(session, lambda path: start_recording(path, config, devices), Path(config.record.folder))
         with reloading(source, config, session.tuning, tell), _obeying(config, session, desk):
             _run(session, seconds, shown, desk)
@@ -96,6 +114,8 @@ def _run(session: Session, seconds: float | None, shown: bool, desk: TakeDesk | 
         finally:
             stop.set()
 
+    gc.collect()
+    gc.freeze()  # what start-up has made stays, and need not be looked through in the middle of a frame
     thread = threading.Thread(target=work, name="session")
     thread.start()
     try:
@@ -106,6 +126,7 @@ def _run(session: Session, seconds: float | None, shown: bool, desk: TakeDesk | 
     finally:
         stop.set()
         thread.join()
+        gc.unfreeze()
         if session.recorder:
             session.recorder.close()
     if failure:

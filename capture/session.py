@@ -59,6 +59,8 @@ class Session:
         self.latest: Shot | None = None
         self.latencies = LatencyRecorder()
         self.solved = self.skipped = self.samples = 0
+        self.first_pose_ns: int | None = None
+        """Host time at which the first pose of a performer who is seen was ready."""
         self._changed: dict[str, Value] = {}
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._inbox: queue.SimpleQueue[Arrival] = queue.SimpleQueue()
@@ -176,6 +178,8 @@ class Session:
 
     def _time(self, shot: Shot, ready_ns: int) -> None:
         now_ns = self.clock.now_ns()
+        if self.first_pose_ns is None and shot.frame.measured.any():
+            self.first_pose_ns = now_ns
         self.latencies.add_all(shot.stages_ns)
         self.latencies.add("last byte to vertices", now_ns - ready_ns)
         self.latencies.add("moment to vertices", now_ns - self._moment_ns(shot.frame))

@@ -47,3 +47,26 @@ def live(
     from capture.live_benchmark import bench_live
 
     bench_live(seconds, database, resolution, as_json)
+
+
+def soak(
+    seconds: Annotated[float, typer.Option(min=10, help="How long a session, on its own clock.")] = 3600.0,
+    database: Database = "library",
+    resolution: Annotated[str, typer.Option(help="The mannequin's: low, medium or high.")] = "low",
+    as_json: AsJson = False,
+) -> None:
+    """Run a long session as fast as it goes, recorded and streamed: whether memory and latency stay flat."""
+    from rich.console import Console
+
+    from capture.live_benchmark import bench_config
+    from capture.progress import progress_bar
+    from capture.soak import figures, table
+    from capture.soak import soak as run
+
+    with progress_bar("soaking") as progress:
+        parts = run(bench_config(database, resolution, 60.0), seconds, progress)
+    if as_json:
+        print(json.dumps(figures(parts)))
+        return
+    Console().print(table(parts))
+    print(", ".join(f"{name} {value}" for name, value in figures(parts).items() if name != "parts"))
