@@ -1,6 +1,7 @@
 """How fast a frame is solved, stage by stage, and how the parts compare with what could stand in their place."""
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -8,49 +9,76 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from capture.bench_neighbours import history_figures, neighbour_figures
+from capture.evaluation_runs import METHODS, predictor_of
 from capture.latency import LatencyRecorder, percentiles_ms
 from devices.frame import TrackerFrame
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
 from reconstruction.body_kinematics import BodyState, place
-from reconstruction.database import Clip, MotionDatabase
+from reconstruction.database import Clip, MotionDatabase, open_database
 from reconstruction.kinematics import world_joints
 from reconstruction.likelihood import energy_and_gradient, jacobian, residuals
 from reconstruction.map_problem import MapProblem
-from reconstruction.solver import Reconstructor, SolverSettings
+from reconstruction.solver import Reconstructor
 
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """frames: solved in all; clip_frames: of one clip, at most; roles: trackers; noise_m: metres; seed: of the noise
-    and the choice of clips; methods: of the solver."""
+    """frames: solved in all by our own and the paper's method, a quarter of them by the others; clip_frames: of one
+    clip, at most; roles: trackers; noise_m: metres; seed: of the noise and the choice of clips; methods: that are
+    timed; queries: neighbour searches that are compared with exact ones."""
 
     frames: int = 1200
     clip_frames: int = 240
     roles: tuple[str, ...] = ROLES
     noise_m: float = 0.003
     seed: int = 0
-    methods: tuple[str, ...] = ("default", "paper")
+    methods: tuple[str, ...] = tuple(reversed(METHODS))
+    queries: int = 200
 
 
 def bench_reconstruct(
     database: MotionDatabase, plan: BenchPlan | None = None, progress: Progress = no_progress
 ) -> dict[str, dict]:
-    """Milliseconds by stage for each method, neighbour recall, and the same problems by SciPy's least squares.
+    """Milliseconds by stage for each method; time and recall of the neighbour searches; the same problems by SciPy's
+    least squares.
 
     The frames are the database's own clips with noise on the trackers.
     """
     plan = plan or BenchPlan()
-    clips = _takes(database, plan)
-    figures: dict[str, dict] = {"database": {"poses": len(database), "windows": len(database.windows)}}
-    for number, method in enumerate(plan.methods):
-        figures[method] = _timed(database, clips, method)
-        progress(number + 1, len(plan.methods) + 2)
-    figures["neighbours"] = neighbour_figures(database)
-    progress(len(plan.methods) + 1, len(plan.methods) + 2)
-    figures["map problem"] = map_figures(database, clips[0])
-    progress(len(plan.methods) + 2, len(plan.methods) + 2)
+    takes = _takes(database, plan)
+    few = _first_frames(takes, max(plan.frames // 4, 60))
+    steps: dict[str, Callable[[], dict]] = {"database": lambda: _opening(database)}
+    for method in plan.methods:
+        frames = takes if method in ("default", "paper") else few
+        steps[method] = lambda method=method, frames=frames: _timed(database, frames, method, plan.roles)
+    steps["neighbours"] = lambda: neighbour_figures(database, few, plan.queries)
+    steps["paper's neighbours"] = lambda: history_figures(database, few, plan.queries)
+    steps["map problem"] = lambda: map_figures(database, takes[0])
+    figures: dict[str, dict] = {}
+    for number, (name, measure) in enumerate(steps.items()):
+        figures[name] = measure()
+        progress(number + 1, len(steps))
     return figures
+
+
+def growth(all_figures: Sequence[dict[str, dict]]) -> dict[str, float]:
+    """How many times as long a frame of our own method takes on the largest of several databases as on the smallest."""
+    by_size = sorted(all_figures, key=lambda figures: figures["database"]["poses"])
+    small, large = (by_size[at]["default"] for at in (0, -1))
+    return {
+        f"{name} {percentile}": round(large[name][percentile] / small[name][percentile], 2)
+        for name in ("frame_ms", "processor_ms")
+        for percentile in ("p50", "p99")
+    }
+
+
+def _opening(database: MotionDatabase) -> dict:
+    began = time.perf_counter()
+    open_database(database.path)
+    opened = time.perf_counter() - began
+    return {"poses": len(database), "windows": len(database.windows), "opened_s": round(opened, 3)}
 
 
 def _takes(database: MotionDatabase, plan: BenchPlan) -> list[list[TrackerFrame]]:
@@ -68,6 +96,16 @@ def _takes(database: MotionDatabase, plan: BenchPlan) -> list[list[TrackerFrame]
     return takes
 
 
+def _first_frames(takes: list[list[TrackerFrame]], count: int) -> list[list[TrackerFrame]]:
+    """The first takes, `count` frames together."""
+    chosen: list[list[TrackerFrame]] = []
+    for take in takes:
+        left = count - sum(len(one) for one in chosen)
+        if left > 1:
+            chosen.append(take[:left])
+    return chosen
+
+
 def _frames(database: MotionDatabase, clip: Clip, plan: BenchPlan, rng: np.random.Generator) -> list[TrackerFrame]:
     motion = database.motion(clip)
     joints, _ = world_joints(motion.skeleton, motion.root_positions, motion.rotations)
@@ -80,47 +118,30 @@ def _frames(database: MotionDatabase, clip: Clip, plan: BenchPlan, rng: np.rando
     ]
 
 
-def _timed(database: MotionDatabase, takes: list[list[TrackerFrame]], method: str) -> dict:
-    """Milliseconds by stage and of whole frames, and how many times real time that is."""
+def _timed(database: MotionDatabase, takes: list[list[TrackerFrame]], method: str, roles: Sequence[str]) -> dict:
+    """Milliseconds by stage and of whole frames, by the clock and by what processors worked, the frames that start a
+    take apart; and how many times real time a whole take is solved at."""
     began = time.perf_counter()
-    solver = Reconstructor(database, settings=SolverSettings(method=method))
+    skeleton = database.space.skeleton
+    solver = Reconstructor(database, predictor=predictor_of(method, database, skeleton, roles))
     ready = time.perf_counter() - began
-    recorder, whole, first = LatencyRecorder(1_000_000), [], []
+    recorder, whole, processor, first = LatencyRecorder(1_000_000), [], [], []
     for take in takes:
         solver.reset()
         for number, frame in enumerate(take):
-            start = time.perf_counter_ns()
+            start, work = time.perf_counter_ns(), time.process_time_ns()
             solution = solver.solve(frame)
+            processor.append((time.process_time_ns() - work) * 1e-6)
             (whole if number else first).append((time.perf_counter_ns() - start) * 1e-6)
             recorder.add_all(solution.stage_ns)
+    moved_s = sum(len(take) for take in takes) / database.fps
     return {
         "ready_s": round(ready, 3),
         "first_frame_ms": round(float(np.median(first)), 3),
         "frame_ms": percentiles_ms(np.array(whole)),
+        "processor_ms": percentiles_ms(np.array(processor)),
         "stages_ms": recorder.summary(),
-        "times_real_time": round(1000 / database.fps / float(np.mean(whole)), 1),
-    }
-
-
-def neighbour_figures(database: MotionDatabase, queries: int = 200, count: int = 48) -> dict:
-    """Milliseconds a search, and its recall against an exact scan, for windows moved half the database's spacing."""
-    rng = np.random.default_rng(0)
-    stored = database.index.vectors()
-    asked = stored[rng.choice(len(stored), queries)]
-    asked = asked + rng.normal(0, 0.5 * database.spacing / np.sqrt(asked.shape[1]), asked.shape).astype(np.float32)
-    milliseconds, recalled = [], []
-    squares = np.einsum("nf,nf->n", stored, stored)
-    for query in asked:
-        began = time.perf_counter_ns()
-        numbers, _ = database.index.nearest(query, count)
-        milliseconds.append((time.perf_counter_ns() - began) * 1e-6)
-        near = np.argpartition(squares - 2 * stored @ query, min(4 * count, len(stored) - 1))[: 4 * count]
-        exact = np.sort(np.linalg.norm(stored[near] - query, axis=1))[:count]
-        found = np.linalg.norm(stored[numbers] - query, axis=1)
-        recalled.append(np.mean(found <= exact[-1] * (1 + 1e-5)))  # by distance: equal windows are equally right
-    return {
-        "search_ms": percentiles_ms(np.array(milliseconds)),
-        f"recall_at_{count}": round(float(np.mean(recalled)), 4),
+        "times_real_time": round(1000 * moved_s / (sum(whole) + sum(first)), 1),
     }
 
 

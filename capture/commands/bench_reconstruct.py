@@ -1,5 +1,6 @@
 """`sixpoint bench reconstruct`."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -8,31 +9,50 @@ from capture.commands.options import AsJson
 
 
 def reconstruct(
-    database: Annotated[str, typer.Option(help="A folder of `database build`, or `library` for ours.")] = "library",
+    database: Annotated[
+        list[str] | None,
+        typer.Option(help="A folder of `database build`, or `library` (if left out); may be repeated."),
+    ] = None,
     frames: Annotated[int, typer.Option(min=100, help="Frames to solve.")] = 1200,
     trackers: Annotated[str, typer.Option(help="The roles to solve from, with commas between.")] = "",
+    method: Annotated[
+        list[str] | None, typer.Option(help="A method to time; may be repeated. All where left out.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how fast poses are solved, stage by stage, on noisy trackers on the database's own clips.
 
-    Also the neighbour search with its recall, and the same optimisation by SciPy's least squares.
+    Also all other methods' speed; the neighbour search and the paper's neighbour graph with their recall against an
+    exact search; the same optimisation by SciPy's least squares; and, with several databases, how the time grows with
+    their size. `processor` is what processors worked on a frame: on a busy machine it says more than the clock.
+
+    Methods: gplvm, lpca, lpcr, nearest, mean-16, mean-16-ik, damped-ik, paper, default.
     """
     import json
 
-    from capture.bench_reconstruct import BenchPlan, bench_reconstruct
+    from capture.bench_reconstruct import BenchPlan, bench_reconstruct, growth
     from capture.library import open_named_database
     from capture.progress import progress_bar
     from devices.sample import ROLES
 
-    roles = tuple(name.strip() for name in trackers.split(",")) if trackers else ROLES
-    with progress_bar("opening the database") as progress:
-        known = open_named_database(database, progress)
-    with progress_bar("solving") as progress:
-        figures = bench_reconstruct(known, BenchPlan(frames=frames, roles=roles), progress)
+    plan = BenchPlan(frames=frames, roles=tuple(n.strip() for n in trackers.split(",")) if trackers else ROLES)
+    if method:
+        plan = replace(plan, methods=tuple(method))
+    measured = []
+    for name in database or ["library"]:
+        with progress_bar(f"opening {name}") as progress:
+            known = open_named_database(name, progress)
+        with progress_bar(f"measuring on {len(known)} poses") as progress:
+            measured.append(bench_reconstruct(known, plan, progress))
+    together = growth(measured) if len(measured) > 1 and "default" in plan.methods else {}
     if as_json:
-        print(json.dumps(figures))
+        print(json.dumps({"databases": measured, "growth": together}))
         return
-    _print_table(figures)
+    for figures in measured:
+        _print_table(figures)
+    if together:
+        print("growth of a frame's time, smallest to largest database: ", end="")
+        print(", ".join(f"{name.replace('_ms', '')} {ratio:g}x" for name, ratio in together.items()))
 
 
 def _print_table(figures: dict) -> None:
@@ -51,5 +71,5 @@ def _print_table(figures: dict) -> None:
             else:
                 lines.append(f"{part}: {name.replace('_', ' ')} {value}")
     console = Console()
-    console.print(latency_table(rows))
+    console.print(latency_table(rows, f"milliseconds, {figures['database']['poses']} poses"))
     console.print("\n".join(lines))
