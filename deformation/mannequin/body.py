@@ -40,8 +40,8 @@ _THIGHS_APART = 0.85
 """Share of the way to the other leg that a thigh may fill, for skeletons with narrow hips."""
 
 _ARM = (
-    (-0.05, 0.030, 0.030, 0.032, 0.032),
-    (0.20, 0.031, 0.030, 0.0325, 0.0325),
+    (-0.05, 0.0235, 0.030, 0.031, 0.031),
+    (0.20, 0.0285, 0.029, 0.0320, 0.0320),
     (0.45, 0.0285, 0.029, 0.031, 0.031),
     (0.70, 0.0255, 0.026, 0.0285, 0.0275),
     (0.90, 0.0225, 0.0225, 0.026, 0.0245),
@@ -61,11 +61,11 @@ _TORSO = (
     (0.495, 0.077, 0.0545, 0.062),
     (0.520, 0.0920, 0.0580, 0.066),
     (0.550, 0.0930, 0.0580, 0.062),
-    (0.585, 0.0870, 0.0555, 0.053),
-    (0.620, 0.0780, 0.0520, 0.046),
-    (0.650, 0.0785, 0.0525, 0.045),
-    (0.690, 0.0840, 0.0560, 0.050),
-    (0.730, 0.0900, 0.0585, 0.056),
+    (0.585, 0.0885, 0.0560, 0.054),
+    (0.620, 0.0830, 0.0535, 0.048),
+    (0.650, 0.0835, 0.0540, 0.047),
+    (0.690, 0.0870, 0.0565, 0.051),
+    (0.730, 0.0890, 0.0585, 0.056),
     (0.765, 0.0880, 0.0550, 0.058),
     (0.795, 0.0770, 0.0450, 0.053),
     (0.820, 0.0600, 0.0330, 0.046),
@@ -171,7 +171,7 @@ def body_field(body: Landmarks, finger_blend: float = 0.003) -> Field:
         arms = np.minimum(sides[0][1](points), sides[1][1](points))
         hands = np.minimum(sides[0][2](points), sides[1][2](points))
         value = smooth_union(trunk, legs, 0.060 * unit)
-        value = smooth_union(value, arms, 0.045 * unit)
+        value = smooth_union(value, arms, 0.034 * unit)
         return smooth_union(value, hands, 0.012 * unit)
 
     return field
@@ -230,7 +230,9 @@ def _arm(body: Landmarks, side: Side) -> Field:
     unit = body.stature
     table = np.array(_ARM)
     limb = _limb(own, _stations(_ARM, upper, lower), table[:, 1:], (0.03 * unit, 0.01 * unit))
-    deltoid = ellipsoid(own.point(0.022, 0.008, 0.0), [0.031 * unit, 0.050 * unit, 0.037 * unit], own.along, own.front)
+    deltoid = ellipsoid(
+        own.point(0.030, 0.004, 0.0), [0.0285 * unit, 0.046 * unit, 0.0345 * unit], own.along, own.front
+    )
 
     def field(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return smooth_union(limb(points), deltoid(points), 0.02 * unit)
@@ -332,9 +334,9 @@ _TORSO_MASSES = (
 """Buttocks, chest, shoulder blades: height, lateral, ahead, radii (side, up, ahead), blend."""
 
 _STRAPS = (
-    ((0.856, 0.012, -0.018), (-0.012, -0.005, -0.004), (0.020, 0.018, 0.016), 0.045),
+    ((0.862, 0.014, -0.016), (-0.010, -0.006, -0.004), (0.021, 0.021, 0.018), 0.045),
     ((0.765, 0.050, 0.026), (0.036, 0.000, 0.006), (0.020, 0.021, 0.016), 0.050),
-    ((0.705, 0.060, -0.022), (0.036, -0.006, -0.010), (0.016, 0.019, 0.016), 0.055),
+    ((0.715, 0.060, -0.022), (0.026, -0.006, -0.010), (0.016, 0.018, 0.014), 0.045),
     ((0.826, 0.014, 0.014), (0.000, 0.014, 0.010), (0.009, 0.009, 0.011), 0.040),
 )
 """Trapezius, pectoral, latissimus, collar bone: start (height, lateral, ahead), end in the arm's axes (along, outward,
