@@ -17,6 +17,7 @@ from deformation.isocurves_geodesic import SurfaceGraph, surface_graph
 from deformation.isocurves_pairing import paired_quads
 from deformation.mesh import Mesh
 from deformation.rig_templates import HUMAN_TREE, QUADRUPED_TREE
+from deformation.template_matching import matched_joints
 from devices.errors import SixpointError, choice_error
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
@@ -24,7 +25,12 @@ from reconstruction.skeleton import Skeleton
 _PAIRED = 0.9
 """Below that share of paired triangles their quads are accidental, and so would be the curves along them."""
 
+_LIMB = (0.05, 0.25)
+"""Rays start so far from a limb's end along the surface, as shares of the height."""
+
 TEMPLATES = ("auto", "human", "quadruped")
+CURVES = ("edges", "rays")
+MATCHINGS = ("anatomy", "midpoint", "triangle")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,28 +58,47 @@ class RigNotFound(SixpointError):
         self.tips = tips
 
 
-def rig_mesh(mesh: Mesh, template: str = "auto") -> AutoRig:
+@dataclass(frozen=True)
+class RigSettings:
+    """How a skeleton is looked for.
+
+    template: one of TEMPLATES; `auto` tells by the number of feet on the floor. curves: `edges` follows the quads' own
+    edges all over, `rays` goes from ring to ring by the paper's two-plane test (`isocurves_rays`). matching: `anatomy`,
+    or, for people, the paper's `midpoint` (fig. 4e) or `triangle` (fig. 4h) form (`template_matching`).
+    Raises SettingError for anything else.
+    """
+
+    template: str = "auto"
+    curves: str = "edges"
+    matching: str = "anatomy"
+
+    def __post_init__(self) -> None:
+        for name, choices in (("template", TEMPLATES), ("curves", CURVES), ("matching", MATCHINGS)):
+            if getattr(self, name) not in choices:
+                raise choice_error(name, getattr(self, name), choices)
+
+
+def rig_mesh(mesh: Mesh, settings: RigSettings | None = None) -> AutoRig:
     """Finds the skeleton of an upright (Y up) character, whichever way it faces.
 
-    template: `human`, `quadruped`, or `auto`: by the number of feet on the floor.
-    Raises SettingError for an unknown template, RigNotFound with the reason and what was found.
+    Raises RigNotFound with the reason and what was found.
     """
-    if template not in TEMPLATES:
-        raise choice_error("template", template, TEMPLATES)
-    curves, chains, path = _curves(mesh)
+    settings = settings or RigSettings()
     graph = surface_graph(mesh)
     tips = limb_tips(graph)
+    curves, chains, notes = _curves(mesh, graph, tips, settings.curves)
+    template = settings.template
     if template == "auto":
         template = "quadruped" if len(standing_tips(graph, tips)) >= 4 else "human"
     finding = _Finding(limb_curves(graph, mesh.vertices, curves, chains))
     try:
-        body, joints = _found(graph, tips, template, finding)
+        body, joints = _found(graph, tips, template, finding, settings.matching)
     except SixpointError as error:
         raise RigNotFound(str(error), graph.vertices[tips]) from None
     joints = {name: place @ body.turn for name, place in joints.items()}
     lines = {name: _turned(line, body.turn) for name, line in finding.lines.items()}
     tree = HUMAN_TREE if template == "human" else QUADRUPED_TREE
-    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, (path, *finding.notes(curves, chains)))
+    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, (*notes, *finding.notes(curves, chains)))
 
 
 def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str | None]]) -> Rig:
@@ -93,19 +118,41 @@ def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str
     return Rig(skeleton, tuple(present), frozen(bind), None)
 
 
-def _curves(mesh: Mesh) -> tuple[IsoCurves | None, Tubes | None, str]:
-    """Curves and tubes where the mesh is of quads or its triangles make some, and a line on the path taken."""
+def _curves(
+    mesh: Mesh, graph: SurfaceGraph, tips: list[int], way: str
+) -> tuple[IsoCurves | None, Tubes | None, tuple[str, ...]]:
+    """Curves and tubes where the mesh is of quads or its triangles make some, and lines on the path taken."""
     quads, path = mesh, f"{len(mesh.quads)} quads"
     if 2 * len(mesh.quads) < len(mesh.triangles):
         quads, share = paired_quads(mesh)
         path = f"{share:.0%} of {len(mesh.triangles)} triangles paired to quads"
         if share < _PAIRED:
-            return None, None, f"only {path}: sliced along geodesic distances from the limbs' ends"
+            return None, None, (f"only {path}: sliced along geodesic distances from the limbs' ends",)
     curves = iso_curves(quads)
     chains = tubes(quads, curves)
     if not len(chains):
-        return None, None, f"{path}, no tubes among them: sliced along geodesic distances from the limbs' ends"
-    return curves, chains, path
+        return None, None, (f"{path}, no tubes among them: sliced along geodesic distances from the limbs' ends",)
+    if way == "edges":
+        return curves, chains, (path,)
+    by_rays, how = _by_rays(quads, graph, tips, curves, chains)
+    return by_rays, tubes(quads, by_rays), (path, how)
+
+
+def _by_rays(
+    quads: Mesh, graph: SurfaceGraph, tips: list[int], curves: IsoCurves, chains: Tubes
+) -> tuple[IsoCurves, str]:
+    """The curves that the ray test finds, and a line on how many of the tubes' rings are among them."""
+    from deformation.isocurves_rays import RayTest, clearest_seeds, ray_curves
+
+    size = float(np.ptp(graph.vertices[:, 1]))
+    test, groups = RayTest(quads), []
+    for tip in tips:
+        away = np.where(graph.places >= 0, graph.distances(tip)[graph.places], np.inf)
+        groups.append(np.flatnonzero((away > _LIMB[0] * size) & (away < _LIMB[1] * size)))
+    found = ray_curves(quads, clearest_seeds(test, groups), test)
+    rings = {frozenset(curves.curve(int(number)).tolist()) for number in chains.curves}
+    same = sum(frozenset(found.curve(int(number)).tolist()) in rings for number in np.flatnonzero(found.closed))
+    return found, f"rays find {found.closed.sum()} closed curves, {same} of the {len(rings)} rings that edges make"
 
 
 def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRig:
@@ -150,10 +197,12 @@ class _Finding:
 
 
 def _found(
-    graph: SurfaceGraph, tips: list[int], template: str, finding: _Finding
+    graph: SurfaceGraph, tips: list[int], template: str, finding: _Finding, matching: str
 ) -> tuple[Extremities, dict[str, NDArray[np.float64]]]:
     if template == "human":
         body = human_extremities(graph, tips)
+        if matching != "anatomy":
+            return body, matched_joints(body, finding.line_of(body), matching)
         return body, human_joints(body, finding.line_of(body))
     body = quadruped_extremities(graph, tips)
     return body, quadruped_joints(body, finding.line_of(body))

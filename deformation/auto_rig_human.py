@@ -49,34 +49,37 @@ def human_joints(
     line_of: the centre line of a tip's limb up to a distance in metres from it along the surface.
     Raises SixpointError where legs or arms are not parted from the body.
     """
-    seams = _seams(body)
+    at = seams(body)
     joints: Joints = {}
     for side in ("left", "right"):
-        joints |= _arm(body, side, seams[f"{side}_hand"], line_of, template)
+        joints |= _arm(body, side, at[f"{side}_hand"], line_of, template)
     shoulder_height = float(np.mean([joints[f"{side}_upper_arm"][1] for side in ("left", "right")]))
-    hip_height = _hip_height(body, seams["crotch"], shoulder_height, template)
+    hip_height = _hip_height(body, at["crotch"], shoulder_height, template)
     for side in ("left", "right"):
-        joints |= _leg(body, side, seams["crotch"], hip_height, line_of, template)
+        joints |= _leg(body, side, at["crotch"], hip_height, line_of, template)
     return joints | _trunk(body, joints, line_of, template)
 
 
-def _seams(body: Extremities) -> Joints:
-    """(3,) where the limbs part, seen from the head: the crotch, and the armpit by hand."""
+def seams(body: Extremities) -> Joints:
+    """(3,) where the limbs part, seen from the head: the crotch, and the armpit by hand.
+
+    Raises SixpointError where legs or arms are not parted from the body.
+    """
     graph, field = body.graph, body.fields["head"]
     found = peaks(graph, field, 0.03 * float(field.max()))
-    seams: Joints = {}
+    places: Joints = {}
     for name in ("left_hand", "right_hand", "left_foot", "right_foot"):
         near = np.flatnonzero(body.fields[name][found.tops] < 0.15 * body.height)
         if not len(near):
             raise SixpointError(f"the {name.replace('_', ' ')} does not stand clear of the body: part the limbs")
         peak = int(near[0])
         if found.saddles[peak] >= 0:
-            seams[name] = graph.vertices[found.saddles[peak]]
-    crotch = [seams.pop(name) for name in ("left_foot", "right_foot") if name in seams]
-    if not crotch or "left_hand" not in seams or "right_hand" not in seams:
+            places[name] = graph.vertices[found.saddles[peak]]
+    crotch = [places.pop(name) for name in ("left_foot", "right_foot") if name in places]
+    if not crotch or "left_hand" not in places or "right_hand" not in places:
         raise SixpointError("the legs or the arms are not parted from the body: no crotch or armpit is found")
     lowest = min(crotch, key=lambda place: float(place[1]))
-    return seams | {"crotch": lowest} | _as_wide(seams["left_hand"], seams["right_hand"], lowest)
+    return places | {"crotch": lowest} | _as_wide(places["left_hand"], places["right_hand"], lowest)
 
 
 def _as_wide(left: NDArray[np.float64], right: NDArray[np.float64], crotch: NDArray[np.float64]) -> Joints:
@@ -137,7 +140,7 @@ def _above_armpit(
 def _middle_joint(
     line: CentreLine, end_arc: float, whole: float, share: float, span: CentreLine, above_waist: float
 ) -> NDArray[np.float64]:
-    """Elbow or knee: midway of where proportion and the limb's waist put it, and the more it bends the more at the bend.
+    """Elbow or knee: midway of where proportion and the limb's waist put it, or nearer to its bend the sharper that is.
 
     end_arc: of the wrist or ankle; whole: arc of the shoulder or hip; share: of the way from the former to the latter.
     span: the line between these, as far as it goes; above_waist: metres from the narrowest place on to the joint.
@@ -178,7 +181,7 @@ def _leg(
     ankle = _ankle(body, name, line, reach, template)
     middle, direction = line.axis(0.72 * reach, 0.94 * reach)
     hip = middle + (hip_height - middle[1]) / direction[1] * direction
-    hip[2] = (hip[2] + _trunk_middle(body, hip_height)[2]) / 2
+    hip[2] = (hip[2] + trunk_middle(body, hip_height)[2]) / 2
     ankle_arc = line.nearest_arc(ankle)
     whole = line.length + float(np.linalg.norm(hip - line.points[-1]))
     below = _NARROWEST_TO_KNEE * body.height
@@ -217,8 +220,8 @@ def _across(offset: NDArray[np.float64], axis: NDArray[np.float64]) -> float:
     return float(np.linalg.norm(offset - (offset @ axis) * axis))
 
 
-def _trunk_middle(body: Extremities, height: float) -> NDArray[np.float64]:
-    """(3,) the middle of the level slice through the trunk."""
+def trunk_middle(body: Extremities, height: float) -> NDArray[np.float64]:
+    """(3,) metres: the middle of the level slice through the trunk at a height."""
     rings = level_rings(body.graph, body.graph.vertices[:, 1], np.array([height]))
     return rings.centres[0]
 
@@ -263,7 +266,7 @@ def _on_trunk(
 ) -> NDArray[np.float64]:
     """A spine joint: at its share of the height, midway of the straight line and the trunk's middle."""
     straight = hips + share * (neck - hips)
-    middle = _trunk_middle(body, float(straight[1]))
+    middle = trunk_middle(body, float(straight[1]))
     return np.array([straight[0], straight[1], (straight[2] + middle[2]) / 2])
 
 

@@ -31,14 +31,14 @@ def rig(
     `head` in the file and giving that to --joints.
     """
     from capture.raster import save_png
-    from deformation.auto_rig import RigNotFound, rig_mesh, with_joints
+    from deformation.auto_rig import RigNotFound, RigSettings, rig_mesh, with_joints
     from deformation.auto_rig_file import read_joints, write_rig
 
     if out.parent != Path() and not out.parent.is_dir():
         raise FileError(f"{out}: the folder {out.parent} does not exist")
     body, unit, shift, notes = _placed(mesh, unit_m)
     try:
-        found = rig_mesh(body, template)
+        found = rig_mesh(body, RigSettings(template))
     except RigNotFound as error:
         shown = out.with_suffix(".png")
         save_png(_picture(body, None, error.tips), shown)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from deformation.auto_rig import AutoRig, RigNotFound, rig_mesh, with_joints
+from deformation.auto_rig import AutoRig, RigNotFound, RigSettings, rig_mesh, with_joints
 from deformation.auto_rig_file import read_joints, write_rig
 from deformation.character import LatticeSettings, make_character
 from deformation.character_files import read_character
@@ -113,7 +113,7 @@ def test_what_is_no_character_is_refused() -> None:
         rig_mesh(box((0, 0, 0), (1, 1, 1), 6))
     assert refusal.value.tips.shape[1] == 3
     with pytest.raises(SettingError, match="quadruped"):
-        rig_mesh(box((0, 0, 0), (1, 1, 1), 2), "spider")
+        RigSettings("spider")
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no folder of shared meshes beside the repository")
