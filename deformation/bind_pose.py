@@ -14,9 +14,7 @@ from devices.errors import SixpointError
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Pose
 from reconstruction.skeleton import Skeleton
-
-LEG_SHARE = 0.481
-"""Hip joint to ankle as a share of stature (Drillis and Contini 1966, in Winter)."""
+from reconstruction.stature import stature
 
 _ARM_DROP = np.radians(45)
 _LEG_SPREAD = np.radians(6)
@@ -43,7 +41,7 @@ def bind_pose(skeleton: Skeleton, reference: Pose | None = None) -> tuple[NDArra
     as_modelled = posed.is_upright()
     if not as_modelled and reference is not None:
         posed.rotations = np.array(reference.rotations, float)
-    pitches, ball_height = (_FOOT_PITCH, 0.0), _BALL_HEIGHT * stature_m(skeleton)
+    pitches, ball_height = (_FOOT_PITCH, 0.0), _BALL_HEIGHT * stature(skeleton)
     if not as_modelled and reference is not None:
         pitches, ball_height = _planted_foot(skeleton, reference)
     posed.face_forward(0.0 if not as_modelled else _AS_MODELLED)
@@ -52,27 +50,6 @@ def bind_pose(skeleton: Skeleton, reference: Pose | None = None) -> tuple[NDArra
             posed.square_shoulders()
         posed.aim(bone, direction, _AS_MODELLED if loose and as_modelled else 0.0)
     return posed.root_on_floor(ball_height), posed.rotations
-
-
-def stature_m(skeleton: Skeleton) -> float:
-    """The stature in metres of a person with this skeleton's legs. Raises SixpointError where it has none."""
-    bones = skeleton.humanoid
-    lengths = [
-        _chain_length(skeleton, bones[f"{side}_upper_leg"], bones[f"{side}_foot"])
-        for side in ("left", "right")
-        if f"{side}_upper_leg" in bones and f"{side}_foot" in bones
-    ]
-    if not lengths:
-        raise SixpointError(f"the skeleton has no leg from hip to ankle: its joints are {', '.join(skeleton.names)}")
-    return float(np.mean(lengths)) / LEG_SHARE
-
-
-def _chain_length(skeleton: Skeleton, top: int, joint: int) -> float:
-    length = 0.0
-    while joint != top and joint >= 0:
-        length += float(np.linalg.norm(skeleton.offsets[joint]))
-        joint = int(skeleton.parents[joint])
-    return length
 
 
 def _aims(foot_pitch: float, toe_pitch: float) -> Iterator[tuple[str, NDArray[np.float64], bool]]:
@@ -96,16 +73,16 @@ def _planted_foot(skeleton: Skeleton, reference: Pose) -> tuple[tuple[float, flo
 
     Joints of feet stand where a file's maker put them: only a standing foot tells which way they point when it is flat.
     """
-    posed, stature = _Posing(skeleton), stature_m(skeleton)
+    posed, height = _Posing(skeleton), stature(skeleton)
     posed.rotations = np.array(reference.rotations, float)
     heights = posed.world()[0][:, 1] + reference.root_position[1]
     toes = {side: heights[posed.bones[f"{side}_toes"]] for side in ("left", "right") if f"{side}_toes" in posed.bones}
     if not toes:
-        return (_FOOT_PITCH, 0.0), _BALL_HEIGHT * stature
+        return (_FOOT_PITCH, 0.0), _BALL_HEIGHT * height
     side = min(toes, key=lambda side: toes[side])
     foot, toe = (posed.direction(f"{side}_{bone}") for bone in ("foot", "toes"))
     pitches = (_pitch(foot, _FOOT_PITCH), _pitch(toe, 0.0))
-    return pitches, float(np.clip(toes[side], 0.012 * stature, 0.028 * stature))
+    return pitches, float(np.clip(toes[side], 0.012 * height, 0.028 * height))
 
 
 def _pitch(direction: NDArray[np.float64] | None, otherwise: float) -> float:
@@ -221,7 +198,7 @@ class _Posing:
         position, _ = self.world()
         toes = [position[self.bones[f"{s}_toes"], 1] for s in ("left", "right") if f"{s}_toes" in self.bones]
         ankles = [position[self.bones[f"{s}_foot"], 1] for s in ("left", "right") if f"{s}_foot" in self.bones]
-        lowest = min(toes) - ball_height if toes else min(ankles) - 0.039 * stature_m(self.skeleton)
+        lowest = min(toes) - ball_height if toes else min(ankles) - 0.039 * stature(self.skeleton)
         return np.array([0.0, -lowest, 0.0])
 
 

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from deformation.bind_pose import bind_pose, stature_m
+from deformation.bind_pose import bind_pose
 from devices.errors import SixpointError
 from devices.frame import frozen
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Motion, Pose
 from reconstruction.skeleton import Skeleton
+from reconstruction.stature import stature
 
 _NEEDED = ("hips", *(f"{s}_{b}" for s in ("left", "right") for b in ("upper_leg", "lower_leg", "foot")))
 _HEEL_M, _TIP_M = 0.035, 0.045
@@ -105,7 +106,7 @@ class _Soles:
     """
 
     def __init__(self, skeleton: Skeleton, at: NDArray[np.float64], turns: NDArray[np.float64]) -> None:
-        stature, bones = stature_m(skeleton), skeleton.humanoid
+        height, bones = stature(skeleton), skeleton.humanoid
         joints, points = [], []
         for side in ("left", "right"):
             ankle = bones[f"{side}_foot"]
@@ -113,9 +114,9 @@ class _Soles:
             ahead = (at[toes] - at[ankle]) * [1, 0, 1]
             length = float(np.linalg.norm(ahead))
             ahead = ahead / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
-            ball = at[toes] if toes != ankle else at[ankle] + 0.08 * stature * ahead
+            ball = at[toes] if toes != ankle else at[ankle] + 0.08 * height * ahead
             joints += [ankle, toes, toes]
-            points += [at[ankle] - _HEEL_M * stature * ahead, ball, ball + _TIP_M * stature * ahead]
+            points += [at[ankle] - _HEEL_M * height * ahead, ball, ball + _TIP_M * height * ahead]
         self._joints = np.array(joints)
         offsets = np.array(points) * [1, 0, 1] - at[self._joints]
         self._local = np.einsum("pji,pj->pi", turns[self._joints], offsets)

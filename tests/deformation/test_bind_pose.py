@@ -7,13 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from deformation.bind_pose import bind_pose, stature_m
+from deformation.bind_pose import bind_pose
 from devices.errors import SixpointError
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Pose
 from reconstruction.motion_files.bvh import read_bvh
 from reconstruction.skeleton import Skeleton
 from reconstruction.standard_body import standard_skeleton
+from reconstruction.stature import stature
 
 _MOCAP = Path(__file__).parents[2] / ".." / "shared" / "mocap"
 _CLIPS = {
@@ -66,7 +67,7 @@ def test_upright_facing_ahead_with_feet_on_the_floor(clip: tuple[Skeleton, Pose 
     assert _angle(at["left_upper_leg"] - at["right_upper_leg"], (1.0, 0.0, 0.0)) < 1
     assert _angle(at["left_upper_arm"] - at["right_upper_arm"], (1.0, 0.0, 0.0)) < 2
     lowest = min(at["left_toes"][1], at["right_toes"][1])
-    assert 0.01 * stature_m(skeleton) < lowest < 0.03 * stature_m(skeleton)
+    assert 0.01 * stature(skeleton) < lowest < 0.03 * stature(skeleton)
 
 
 def test_bones_keep_their_lengths(clip: tuple[Skeleton, Pose | None]):
