@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -12,7 +13,7 @@ from capture.config import CharacterConfig, SessionConfig
 from devices.errors import SettingError, choice_error
 from devices.intake_settings import INTAKE_SETTINGS
 from reconstruction.solver import METHODS, SolverSettings
-from replay_logs.take import Take
+from replay_logs.take import Take, read_take
 
 _SESSION_KEYS = (
     "performer.height_m",
@@ -76,6 +77,12 @@ def recorded_settings(take: Take) -> SolveSettings:
         if value != getattr(getattr(default, section), name):
             settings = _with(settings, key, value)
     return settings
+
+
+def settings_for(take: Path, given: Mapping[str, object]) -> SolveSettings:
+    """What the take's session said, and above it what is given, as `with_values` takes it. Raises FileError."""
+    said = recorded_settings(read_take(take)) if take.suffix.lower() == ".mcap" else SolveSettings()
+    return said.with_values(**given)
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -4,15 +4,12 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from capture.commands.options import AsJson, Height, JointNames, ProfileFile
 from devices.errors import FileError, SettingError
-
-if TYPE_CHECKING:
-    from capture.solve_settings import SolveSettings
 
 
 def reconstruct(
@@ -45,7 +42,7 @@ def reconstruct(
     """
     given = {"database__path": database, "solver__method": method, "performer__height_m": height_m}
     given |= {"performer__profile": None if profile is None else str(profile), "trackers": trackers}
-    _check_changes(changes or [])
+    check_changes(changes or [])
     if compare:
         _compare(takes, out, given, changes or [], joint_names, as_json)
         return
@@ -60,11 +57,11 @@ def _reconstruct(
     from capture.export import write_motion
     from capture.library import open_named_database
     from capture.progress import progress_bar
-    from capture.solve_settings import apply_settings
+    from capture.solve_settings import apply_settings, settings_for
     from capture.solving import solve_with
 
     preset = _check_motion(out, joint_names)
-    settings = apply_settings(_said(take, given), changes)
+    settings = apply_settings(settings_for(take, given), changes)
     with progress_bar("opening the database") as progress:
         known = open_named_database(settings.database, progress)
     begin = time.perf_counter()
@@ -86,7 +83,7 @@ def _compare(
     from capture.export import write_motion
     from capture.library import open_named_database
     from capture.progress import progress_bar
-    from capture.solve_settings import apply_settings
+    from capture.solve_settings import apply_settings, settings_for
 
     if not changes:
         raise SettingError("--compare needs --with: say which setting changes, such as --with solver.method=paper")
@@ -102,7 +99,7 @@ def _compare(
 
     comparisons = []
     for take in takes:
-        before = _said(take, given)
+        before = settings_for(take, given)
         after = apply_settings(before, changes)
         databases = opened(before.database), opened(after.database)
         with progress_bar(f"solving {take.name} twice") as progress:
@@ -118,16 +115,7 @@ def _compare(
         print(f"{markdown(comparisons, changes)}\nwrote {', '.join(map(str, written))}")
 
 
-def _said(take: Path, given: dict[str, object]) -> "SolveSettings":
-    """What the take's session said, and above it what the options say."""
-    from capture.solve_settings import SolveSettings, recorded_settings
-    from replay_logs.take import read_take
-
-    said = recorded_settings(read_take(take)) if take.suffix.lower() == ".mcap" else SolveSettings()
-    return said.with_values(**given)
-
-
-def _check_changes(changes: Sequence[str]) -> None:
+def check_changes(changes: Sequence[str]) -> None:
     """Before anything slow: whether these can be set, and would change a pose. Raises SettingError."""
     from capture.solve_settings import SolveSettings, apply_settings
 
