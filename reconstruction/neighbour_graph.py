@@ -22,6 +22,8 @@ APART = 4
 """Windows that linked ones, and the window itself, are at least from each other."""
 CANDIDATES = 128
 """Nearest windows that links are chosen from."""
+LOOKED_AT = 50_000
+"""Windows that are compared for a start."""
 BREADTH = 2
 """The walk ends when the nearest so many times the count asked for have all been looked around."""
 
@@ -53,7 +55,7 @@ class NeighbourGraph:
         links[going_on + 1, 0], links[going_on, 1] = going_on, going_on + 1
         for start in range(0, len(vectors), 8192):
             part = slice(start, start + 8192)
-            near = index.nearest_to_all(vectors[part], min(CANDIDATES, len(vectors)))
+            near = index.near_to_all(vectors[part], min(CANDIDATES, len(vectors)))
             choose_links(near, start, APART, links[part, 2:])
             progress(min(part.stop, len(vectors)), len(vectors))
         return cls(vectors, links)
@@ -67,13 +69,13 @@ class NeighbourGraph:
         found = walk(query, begin, self.vectors, self.links, numbers, squares)
         return numbers[: min(found, count)], np.sqrt(squares[: min(found, count)])
 
-    def scanned(self, query: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The same for all windows there are: exact, and the way to begin."""
-        apart = self.vectors - query
-        squares = np.einsum("wf,wf->w", apart, apart, dtype=np.float64)
-        numbers = np.argpartition(squares, min(count, len(squares) - 1))[:count]
-        numbers = numbers[np.argsort(squares[numbers], kind="stable")]
-        return numbers, np.sqrt(squares[numbers])
+    def begun(self, query: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The same where no walk has begun: from the nearest of about `LOOKED_AT` windows, evenly spread."""
+        apart = max(1, len(self) // LOOKED_AT)
+        difference = self.vectors[::apart] - query
+        squares = np.einsum("wf,wf->w", difference, difference)
+        best = np.argpartition(squares, min(count, len(squares)) - 1)[:count]
+        return self.nearest(query, apart * best, count)
 
 
 @njit(cache=True)

@@ -55,10 +55,11 @@ class NeighbourIndex:
         found = numbers[0] >= 0
         return numbers[0][found], np.sqrt(np.maximum(squares[0][found], 0))
 
-    def nearest_to_all(self, features: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-        """Numbers (n, count) of the nearest vectors to each of many (n, F), by all processors; -1 where there are
-        fewer."""
-        return self._index.search(np.ascontiguousarray(features, np.float32), count)[1]
+    def near_to_all(self, features: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+        """Numbers (n, count) of windows near to each of many (n, F), by all processors, in a quarter of the time and
+        not quite the nearest; -1 where there are fewer."""
+        lists = faiss.SearchParametersIVF(nprobe=max(1, self._index.nprobe // 4))  # type: ignore[call-arg]
+        return self._index.search(np.ascontiguousarray(features, np.float32), count, params=lists)[1]
 
     def vectors(self) -> NDArray[np.float32]:
         """All vectors (n, F), in order: a copy."""

@@ -97,7 +97,7 @@ class TreeSearch:
 
 
 class GraphSearch:
-    """The nearest along a neighbour graph, from the last frame's neighbours on; of all windows for a start."""
+    """The nearest along a neighbour graph, from the last frame's neighbours on."""
 
     def __init__(self, space: HistorySpace, graph: NeighbourGraph):
         self.space, self.graph = space, graph
@@ -114,7 +114,7 @@ class GraphSearch:
             begin = np.concatenate((following[following >= 0], self._near))
             found = self.graph.nearest(query, begin, count)
         else:
-            found = self.graph.scanned(query, count)
+            found = self.graph.begun(query, count)
         self._near, self._last = found[0], past[-1]
         return found
 
