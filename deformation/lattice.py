@@ -29,6 +29,10 @@ _CORNERS_PER_FACE = 2.1
 """Particles for each cell face of surface beside those for the volume inside, as measured on four bodies."""
 
 
+_TRIES = 4
+"""Lattices that are built in search of one with so many particles."""
+
+
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Cells and their corner particles.
@@ -131,17 +135,22 @@ def expected_cell_size(mesh: Mesh, particles: int) -> float:
 
 
 def cell_size_for(mesh: Mesh, particles: int) -> float:
-    """The cell size in metres at which a mesh's lattice has about so many particles. Raises SettingError below 50."""
+    """The cell size in metres at which a mesh's lattice has about so many particles. Raises SettingError below 50.
+
+    The number jumps as cells come and go at the body's outline, so that not every number can be met.
+    """
     if particles < 50:
         raise SettingError(f"{particles} lattice particles: use at least 50")
     size = expected_cell_size(mesh, particles)
     points, _, triangles = _welded(mesh)
-    for _ in range(4):
+    tried: dict[float, int] = {}
+    for _ in range(_TRIES):
         count, _ = _corner_particles(_pieces(_voxelised(points, triangles, size), points, triangles, VOXELS_PER_CELL))
-        if abs(count - particles) <= 0.01 * particles:
+        tried[size] = abs(count - particles)
+        if tried[size] <= 0.01 * particles:
             break
         size *= float((count / particles) ** (1 / 2.4))
-    return size
+    return min(tried, key=lambda size: tried[size])
 
 
 def _pieces(voxels: Voxels, points: NDArray[np.float64], triangles: NDArray[np.int32], factor: int) -> _Pieces:

@@ -16,8 +16,10 @@ def deform(
     from rich.console import Console
 
     from capture.deform_benchmark import benchmark, table
+    from capture.progress import progress_bar
 
-    rows = benchmark(frames=frames)
+    with progress_bar("binding and deforming") as progress:
+        rows = benchmark(frames=frames, progress=progress)
     if as_json:
         print(json.dumps(rows))
     else:

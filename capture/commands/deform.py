@@ -49,7 +49,7 @@ def deform(
     from capture.progress import progress_bar, tell_all
     from capture.video import write_frames, write_video
     from deformation.character import LatticeSettings, painting_of
-    from deformation.deformer import DeformSettings
+    from deformation.deformer import Deformer, DeformSettings
     from deformation.painting import write_painting
     from deformation.secondary_motion import SecondarySettings
     from reconstruction.motion_files import read_motion
@@ -77,6 +77,8 @@ def deform(
     if ending == ".glb":
         write_glb(body, clip, out, skin=chosen.skin, joint_names=preset)
     else:
+        with progress_bar("loading kernels (compiled once, the first time)"):
+            Deformer(body)
         with progress_bar("deforming") as progress:
             if ending == ".npz":
                 write_vertices(body, clip, settings, out, progress)
