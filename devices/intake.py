@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from devices.arrival_clock import ArrivalClock
 from devices.axes import Quaternion, Vector
 from devices.clock_map import ClockMap
 from devices.errors import choice_error
@@ -41,9 +42,9 @@ class DeviceIntake:
     """Turns one device's samples into role readings; trackers without a role, lost and held samples fall away.
 
     assignment: tracker -> role, such as {"1": "left_wrist"}. room: where the device stands. gate, smoothing: what is
-    done against outliers and noise, None for nothing; both may be replaced between two samples. Where a device has a
-    clock, readings get the host time at which they were taken by it (`clock`), not that of their arrival. Raises
-    SettingError for an unknown role.
+    done against outliers and noise, None for nothing; both may be replaced between two samples. Readings get the
+    host time at which they were taken, not that of their arrival: by the device's clock (`clock`) where it has one,
+    else by the evenness of its beat. Raises SettingError for an unknown role.
     """
 
     assignment: Mapping[str, str]
@@ -56,6 +57,7 @@ class DeviceIntake:
         self._roles = role_indices(self.assignment)
         self._gates: dict[str, OutlierGate] = {}
         self._filters: dict[str, OneEuroFilter] = {}
+        self._beats: dict[str, ArrivalClock] = {}
         self._meters: dict[str, NoiseMeter] = {}
 
     @property
@@ -71,6 +73,8 @@ class DeviceIntake:
             time_ns = sample.host_time_ns
             if sample.device_time_s is not None:
                 time_ns = self.clock.host_ns(sample.device_time_s, time_ns)
+            elif role is not None:
+                time_ns = self._beats.setdefault(sample.tracker, ArrivalClock()).host_ns(time_ns, sample.sequence)
             if role is None or sample.position is None or sample.flags & SampleFlag.HELD:
                 continue
             if self._believed(time_ns * 1e-9, sample):
