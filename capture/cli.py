@@ -8,7 +8,7 @@ from collections.abc import Callable
 import typer
 from typer.exceptions import Abort, TyperException
 
-from capture.commands import bench, bench_reconstruct, config, database, evaluate, take, transition
+from capture.commands import bench, bench_reconstruct, config, database, database_fetch, evaluate, take, transition
 from capture.commands.batch import batch
 from capture.commands.calibrate import calibrate
 from capture.commands.deform import deform
@@ -54,7 +54,11 @@ _COMMANDS = (
 _DEVICE_COMMANDS = (devices, doctor, align, simulate)
 for command in (*_COMMANDS, *_DEVICE_COMMANDS):
     app.command()(command)
-_group("database", "Motion databases: what the solver knows.", [("build", database.build), ("info", database.info)])
+_group(
+    "database",
+    "Motion databases: what the solver knows.",
+    [("build", database.build), ("fetch", database_fetch.fetch), ("info", database.info)],
+)
 _group(
     "take",
     "Recorded takes: what is in them, parts, sums and other forms of them.",
