@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.auto_rig_extremities import Extremities, human_extremities, limb_tips, standing_tips
+from deformation.auto_rig_hand import LineOf, alone_hand, finger_joints, hand_field
 from deformation.auto_rig_human import human_joints
 from deformation.auto_rig_quadruped import quadruped_extremities, quadruped_joints
 from deformation.character_files import Rig
 from deformation.curve_skeleton import CentreLine
 from deformation.curve_skeleton_limbs import LimbCurves, limb_curves
 from deformation.isocurves import IsoCurves, Tubes, iso_curves, tubes
-from deformation.isocurves_geodesic import SurfaceGraph, surface_graph
+from deformation.isocurves_geodesic import SurfaceGraph, open_rim, surface_graph
 from deformation.isocurves_pairing import paired_quads
 from deformation.mesh import Mesh
-from deformation.rig_templates import HUMAN_TREE, QUADRUPED_TREE
+from deformation.rig_templates import HAND_TREES, HUMAN_TREE, QUADRUPED_TREE, finger_tree
 from deformation.template_matching import matched_joints
 from devices.errors import SixpointError, choice_error
 from devices.frame import frozen
@@ -28,7 +29,7 @@ _PAIRED = 0.9
 _LIMB = (0.05, 0.25)
 """Rays start so far from a limb's end along the surface, as shares of the height."""
 
-TEMPLATES = ("auto", "human", "quadruped")
+TEMPLATES = ("auto", "human", "quadruped", "hand")
 CURVES = ("edges", "rays")
 MATCHINGS = ("anatomy", "midpoint", "triangle")
 
@@ -38,7 +39,7 @@ class AutoRig:
     """A found skeleton and what it was found from, all in the mesh's own place.
 
     rig: accepted wherever a file's rig is; weights are left to the lattice's heat.
-    template: human or quadruped. lines: the curve skeleton, limb by limb, tips first.
+    template: human, quadruped or hand. lines: the curve skeleton, limb by limb, tips first.
     curves, tubes: of the mesh's quads, or None for a mesh without. notes: the path taken, one line each.
     """
 
@@ -87,18 +88,13 @@ def rig_mesh(mesh: Mesh, settings: RigSettings | None = None) -> AutoRig:
     graph = surface_graph(mesh)
     tips = limb_tips(graph)
     curves, chains, notes = _curves(mesh, graph, tips, settings.curves)
-    template = settings.template
-    if template == "auto":
-        template = "quadruped" if len(standing_tips(graph, tips)) >= 4 else "human"
     finding = _Finding(limb_curves(graph, mesh.vertices, curves, chains))
     try:
-        body, joints = _found(graph, tips, template, finding, settings.matching)
+        template, tree, joints = _found(graph, tips, finding, settings)
     except SixpointError as error:
         raise RigNotFound(str(error), graph.vertices[tips]) from None
-    joints = {name: place @ body.turn for name, place in joints.items()}
-    lines = {name: _turned(line, body.turn) for name, line in finding.lines.items()}
-    tree = HUMAN_TREE if template == "human" else QUADRUPED_TREE
-    return AutoRig(rig_of(joints, tree), template, lines, curves, chains, (*notes, *finding.notes(curves, chains)))
+    notes = (*notes, *finding.notes(curves, chains))
+    return AutoRig(rig_of(joints, tree), template, finding.lines, curves, chains, notes)
 
 
 def rig_of(joints: dict[str, NDArray[np.float64]], tree: Sequence[tuple[str, str | None]]) -> Rig:
@@ -169,7 +165,7 @@ def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRi
 
 
 class _Finding:
-    """Gives limbs their centre lines and remembers them."""
+    """Gives limbs their centre lines and remembers them, in the mesh's own place."""
 
     def __init__(self, limbs: LimbCurves) -> None:
         self._limbs = limbs
@@ -177,13 +173,19 @@ class _Finding:
         self.lines: dict[str, CentreLine] = {}
 
     def line_of(self, body: Extremities) -> Callable[[str, float], CentreLine]:
-        limbs = self._limbs.turned(body.graph)
+        """The centre lines of a turned body's limbs."""
+        find = self.any_line(body.graph, body.turn)
+        return lambda name, reach: find(name, body.tips[name], body.fields[name], reach, None)
 
-        def find(name: str, reach: float) -> CentreLine:
-            line, walked = limbs.line(body.tips[name], body.fields[name], reach)
+    def any_line(self, graph: SurfaceGraph, turn: NDArray[np.float64]) -> LineOf:
+        """The centre lines over a turned graph, by tip and field."""
+        limbs = self._limbs.turned(graph)
+
+        def find(name: str, tip: int, field: NDArray[np.float64], reach: float, step: float | None) -> CentreLine:
+            line, walked = limbs.line(tip, field, reach, step)
             self._walked += walked
             self._sliced += len(line.points) - 1 - walked
-            self.lines[name] = line
+            self.lines[name] = _turned(line, turn)
             return line
 
         return find
@@ -196,16 +198,54 @@ class _Finding:
         return (found, used)
 
 
-def _found(
-    graph: SurfaceGraph, tips: list[int], template: str, finding: _Finding, matching: str
-) -> tuple[Extremities, dict[str, NDArray[np.float64]]]:
-    if template == "human":
-        body = human_extremities(graph, tips)
-        if matching != "anatomy":
-            return body, matched_joints(body, finding.line_of(body), matching)
-        return body, human_joints(body, finding.line_of(body))
+Found = tuple[str, Sequence[tuple[str, str | None]], dict[str, NDArray[np.float64]]]
+"""A template's name, its tree, and joints' places (3,) metres."""
+
+
+def _found(graph: SurfaceGraph, tips: list[int], finding: _Finding, settings: RigSettings) -> Found:
+    template = settings.template
+    if template == "hand":
+        return _hand(graph, tips, finding)
+    if template == "auto":
+        template = "quadruped" if len(standing_tips(graph, tips)) >= 4 else "human"
+    try:
+        return _animal(graph, tips, finding) if template == "quadruped" else _person(graph, tips, finding, settings)
+    except SixpointError:
+        if settings.template != "auto":
+            raise
+        before = dict(finding.lines)
+        try:
+            return _hand(graph, tips, finding)
+        except SixpointError:
+            finding.lines = before
+        raise
+
+
+def _animal(graph: SurfaceGraph, tips: list[int], finding: _Finding) -> Found:
     body = quadruped_extremities(graph, tips)
-    return body, quadruped_joints(body, finding.line_of(body))
+    joints = quadruped_joints(body, finding.line_of(body))
+    return "quadruped", QUADRUPED_TREE, {name: place @ body.turn for name, place in joints.items()}
+
+
+def _person(graph: SurfaceGraph, tips: list[int], finding: _Finding, settings: RigSettings) -> Found:
+    body = human_extremities(graph, tips)
+    if settings.matching == "anatomy":
+        joints = human_joints(body, finding.line_of(body))
+    else:
+        joints = matched_joints(body, finding.line_of(body), settings.matching)
+    line_of, tree = finding.any_line(body.graph, body.turn), HUMAN_TREE
+    for side in ("left", "right"):
+        wrist = joints[f"{side}_hand"]
+        field = hand_field(body.graph, body.fields[f"{side}_hand"], wrist)
+        joints |= finger_joints(body.graph, wrist, field, side, line_of)
+        tree += finger_tree(side)
+    return "human", tree, {name: place @ body.turn for name, place in joints.items()}
+
+
+def _hand(graph: SurfaceGraph, tips: list[int], finding: _Finding) -> Found:
+    finding.lines.clear()
+    side, joints = alone_hand(graph, tips, open_rim(graph), finding.any_line(graph, np.eye(3)))
+    return "hand", HAND_TREES[side], joints
 
 
 def _turned(line: CentreLine, turn: NDArray[np.float64]) -> CentreLine:

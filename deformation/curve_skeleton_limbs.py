@@ -28,12 +28,14 @@ class LimbCurves:
     curves: IsoCurves | None
     rings: TubeRings | None
 
-    def line(self, tip: int, field: NDArray[np.float64], reach: float) -> tuple[CentreLine, int]:
+    def line(
+        self, tip: int, field: NDArray[np.float64], reach: float, step: float | None = None
+    ) -> tuple[CentreLine, int]:
         """The centre line from a tip to `reach` metres along the surface, and how many of its rings are curves.
 
-        field: (V,) metres from the tip.
+        field: (V,) metres from the tip. step: metres between slices; a share of the mesh's height otherwise.
         """
-        step = _STEP * float(np.ptp(self.graph.vertices[:, 1]))
+        step = step or _STEP * float(np.ptp(self.graph.vertices[:, 1]))
         sliced = level_rings(self.graph, field, np.arange(step, reach, step))
         rings, walked = self._with_tubes(sliced, field, reach, 2.5 * step)
         return centre_line(self.graph.vertices[tip], rings), walked

@@ -67,6 +67,20 @@ def _each_once(pairs: NDArray[np.int32], size: int) -> NDArray[np.int32]:
     return np.stack([names // size, names % size], axis=1).astype(np.int32)
 
 
+def open_rim(graph: SurfaceGraph) -> NDArray[np.int64]:
+    """(N,) the vertices of the longest rim of an open surface; none where it is closed."""
+    sides = _sides(graph.triangles).astype(np.int64)
+    size = len(graph.vertices)
+    names, count = np.unique(sides.min(axis=1) * size + sides.max(axis=1), return_counts=True)
+    ends = np.stack([names // size, names % size], axis=1)[count == 1]
+    if not len(ends):
+        return np.empty(0, np.int64)
+    lengths = np.linalg.norm(graph.vertices[ends[:, 1]] - graph.vertices[ends[:, 0]], axis=1)
+    _, piece = connected_components(coo_matrix((np.ones(len(ends)), ends.T), shape=(size, size)), directed=False)
+    longest = np.bincount(piece[ends[:, 0]], lengths).argmax()
+    return np.unique(ends[piece[ends[:, 0]] == longest])
+
+
 def _sides(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 

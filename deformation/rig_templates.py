@@ -2,7 +2,7 @@
 
 Human figures are those of Drillis and Contini (1966) as printed in Winter, Biomechanics and Motor Control of Human
 Movement, and of Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel (heights of the crotch, acromion,
-suprasternale and cervicale).
+suprasternale and cervicale). The hand's are of Buchholz, Armstrong and Goldstein (1992), shares of its length.
 """
 
 from dataclasses import dataclass
@@ -64,6 +64,40 @@ HUMAN_TREE: tuple[tuple[str, str | None], ...] = (
     ),
 )
 """Joints and their parents, under the VRM specification's names."""
+
+
+FINGER_NAMES = ("thumb", "index", "middle", "ring", "little")
+
+
+@dataclass(frozen=True)
+class HandTemplate:
+    """Shares of a hand's length, from the wrist to the tip of the middle finger.
+
+    phalanges: of a long finger, from the knuckle outwards, the mean of four; thumb: metacarpal and two phalanges.
+    under_web: how much of the first phalanx lies under the web between the fingers.
+    """
+
+    phalanges: tuple[float, float, float] = (0.240, 0.149, 0.101)
+    thumb: tuple[float, float, float] = (0.251, 0.196, 0.158)
+    under_web: float = 0.45
+
+
+HAND = HandTemplate()
+
+
+def finger_tree(side: str) -> tuple[tuple[str, str | None], ...]:
+    """The joints of a hand's fingers and their parents, under the VRM specification's names; ends besides."""
+    tree: list[tuple[str, str | None]] = []
+    for finger in FINGER_NAMES:
+        parts = ("metacarpal", "proximal", "distal") if finger == "thumb" else ("proximal", "intermediate", "distal")
+        above = f"{side}_hand"
+        for part in (*parts, "distal_end"):
+            tree.append((f"{side}_{finger}_{part}", above))
+            above = f"{side}_{finger}_{part}"
+    return tuple(tree)
+
+
+HAND_TREES = {side: ((f"{side}_hand", None), *finger_tree(side)) for side in ("left", "right")}
 
 
 @dataclass(frozen=True)

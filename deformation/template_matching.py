@@ -52,8 +52,8 @@ def matched_triangle(
     """
     p, q, r = template
     along, across = q - p, b - a
-    turn = Rotation.align_vectors(across[None], along[None])[0]
-    return a + turn.apply(r - p) * float(np.linalg.norm(across) / np.linalg.norm(along))
+    turn = Rotation.align_vectors(across[None], along[None])[0].as_matrix()
+    return a + turn @ (r - p) * float(np.linalg.norm(across) / np.linalg.norm(along))
 
 
 def by_length(line: CentreLine, shares: Sequence[float]) -> list[NDArray[np.float64]]:

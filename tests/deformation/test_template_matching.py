@@ -53,7 +53,7 @@ def test_a_body_gets_every_joint_near_its_place(form: str) -> None:
     skeleton = standard_skeleton()
     mesh, bind = mannequin(skeleton, "low")
     found = rig_mesh(mesh, RigSettings(matching=form))
-    assert found.rig.skeleton.names == tuple(name for name, _ in HUMAN_TREE)
+    assert {name for name, _ in HUMAN_TREE} <= set(found.rig.skeleton.names)
     places = found.rig.bind[:, :3, 3]
     off = [
         np.linalg.norm(places[found.rig.skeleton.humanoid[bone]] - bind[joint, :3, 3])
