@@ -1,4 +1,4 @@
-"""Motions out, by the ending of the file: BVH, animated GLB, CSV and NPZ; and back in from the last two."""
+"""Motions out, by the ending of the file: BVH, animated GLB, VRM animation, CSV and NPZ; back in from the last two."""
 
 import csv
 import os
@@ -11,6 +11,7 @@ import numpy as np
 
 from capture.glb import write_glb
 from capture.joint_presets import renamed
+from capture.vrma import write_vrma
 from deformation.character import Character
 from devices.errors import FileError, choice_error
 from devices.frame import frozen
@@ -19,7 +20,7 @@ from reconstruction.motion import Motion
 from reconstruction.motion_files import write_bvh
 from reconstruction.skeleton import Skeleton
 
-__all__ = ["motion_writer", "read_csv", "read_npz", "write_csv", "write_glb", "write_motion", "write_npz"]
+__all__ = ["motion_writer", "read_csv", "read_npz", "write_csv", "write_glb", "write_motion", "write_npz", "write_vrma"]
 
 _COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
@@ -27,13 +28,15 @@ _COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 def write_motion(
     motion: Motion, path: str | Path, character: Character | None = None, joint_names: str | None = None
 ) -> None:
-    """Writes a motion as its ending says: `.bvh`, `.glb`, `.csv` or `.npz`, beside and renamed into place.
+    """Writes a motion as its ending says: `.bvh`, `.glb`, `.vrma`, `.csv` or `.npz`, beside and renamed into place.
 
     character: who moves in a `.glb`; without one the mannequin does. joint_names: one of `capture.joint_presets`, or
-    None to keep the skeleton's own. Raises SettingError for another ending or preset, OSError.
+    None to keep the skeleton's own; a `.vrma` has VRM's. Raises SettingError for another ending or preset, OSError.
     """
     write = motion_writer(path)
-    if write is write_glb:
+    if write is write_vrma:
+        write_vrma(motion, path)
+    elif write is write_glb:
         write_glb(character or _mannequin(motion), motion, path, joint_names=joint_names)
     else:
         write(motion if joint_names is None else renamed(motion, joint_names), path)
@@ -119,6 +122,7 @@ def _mannequin(motion: Motion) -> Character:
 _WRITERS: dict[str, Callable[..., None]] = {
     ".bvh": write_bvh,
     ".glb": write_glb,
+    ".vrma": write_vrma,
     ".csv": write_csv,
     ".npz": write_npz,
 }

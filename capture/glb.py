@@ -62,7 +62,7 @@ def write_glb(
         partial.unlink(missing_ok=True)
 
 
-class _Buffer:
+class GlbBuffer:
     """The binary part, and the accessors that say what lies where in it."""
 
     def __init__(self, gltf: "GLTF2") -> None:
@@ -109,7 +109,7 @@ def _document(character: Character, motion: Motion, colours: ArrayLike, skin: Sk
     from pygltflib import GLTF2, Asset, Buffer, Node, Scene, Skin
 
     gltf = GLTF2(asset=Asset(version="2.0", generator="sixpoint"))
-    buffer = _Buffer(gltf)
+    buffer = GlbBuffer(gltf)
     joints = len(character.skeleton)
     gltf.nodes = _joint_nodes(character, motion.skeleton)
     gltf.nodes.append(Node(name=character.name, mesh=0, skin=0))
@@ -128,7 +128,7 @@ def _document(character: Character, motion: Motion, colours: ArrayLike, skin: Sk
     columns = character.bind_inverse.transpose(0, 2, 1).reshape(joints, 16)  # glTF stores matrices by columns
     inverse_bind = buffer.add(columns.astype(np.float32))
     gltf.skins = [Skin(name=character.name, joints=list(range(joints)), skeleton=0, inverseBindMatrices=inverse_bind)]
-    gltf.animations = [_animation(motion, buffer)]
+    gltf.animations = [animation_of(motion, buffer)]
     gltf.buffers = [Buffer(byteLength=len(buffer.data))]
     gltf.set_binary_blob(bytes(buffer.data))
     return gltf
@@ -154,7 +154,7 @@ def _joint_nodes(character: Character, skeleton: Skeleton) -> list[Any]:
     return nodes
 
 
-def _attributes(character: Character, buffer: _Buffer) -> Any:
+def _attributes(character: Character, buffer: GlbBuffer) -> Any:
     from pygltflib import Attributes
 
     mesh = character.mesh
@@ -170,7 +170,7 @@ def _attributes(character: Character, buffer: _Buffer) -> Any:
     )
 
 
-def _mesh(character: Character, attributes: Any, materials: NDArray[np.int32], buffer: _Buffer) -> Any:
+def _mesh(character: Character, attributes: Any, materials: NDArray[np.int32], buffer: GlbBuffer) -> Any:
     """One primitive a material, all on the same vertices. materials: (F,) number of each triangle's."""
     from pygltflib import Mesh, Primitive
 
@@ -196,7 +196,7 @@ def _plain_material(colours: ArrayLike) -> Any:
     return Material(name="skin", pbrMetallicRoughness=surface)
 
 
-def _material(material: GlbMaterial, buffer: _Buffer) -> Any:
+def _material(material: GlbMaterial, buffer: GlbBuffer) -> Any:
     from pygltflib import Material, PbrMetallicRoughness, TextureInfo
 
     surface = PbrMetallicRoughness(baseColorFactor=list(material.colour), metallicFactor=0.0, roughnessFactor=0.65)
@@ -206,7 +206,7 @@ def _material(material: GlbMaterial, buffer: _Buffer) -> Any:
     return Material(name=material.name, pbrMetallicRoughness=surface, alphaMode=transparency, doubleSided=True)
 
 
-def _animation(motion: Motion, buffer: _Buffer) -> Any:
+def animation_of(motion: Motion, buffer: GlbBuffer) -> Any:
     """A rotation track a joint that turns, and the root's translation, a key a frame, linear between them."""
     from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler
 

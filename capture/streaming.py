@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from deformation.bind_pose import bind_pose
+from capture.vrm_pose import humanoid_parents, t_pose
 from devices.errors import SettingError, choice_error
 from devices.progress import Progress, no_progress
 from reconstruction.kinematics import world_transforms
@@ -105,8 +105,8 @@ class VmcEncoder:
     def __init__(self, skeleton: Skeleton, reference: Pose | None = None) -> None:
         self._bones = sorted(skeleton.humanoid, key=lambda bone: skeleton.humanoid[bone])
         self._joints = np.array([skeleton.humanoid[bone] for bone in self._bones])
-        self._parents = _humanoid_parents(skeleton, self._joints)
-        rest, positions = _t_pose(skeleton, reference)
+        self._parents = humanoid_parents(skeleton, self._joints)
+        rest, positions = t_pose(skeleton, reference)
         self._rest_inverse = rest[self._joints].transpose(0, 2, 1)
         offsets = positions[self._joints] - positions[self._joints[np.maximum(self._parents, 0)]]
         self._offsets = offsets * _MIRROR
@@ -152,7 +152,7 @@ class VrchatEncoder:
         found = [(name, next((known[b] for b in bones if b in known), None)) for name, bones in self.TRACKERS]
         carried = [(name, joint) for name, joint in found if joint is not None]
         self._joints = np.array([joint for _, joint in carried])
-        self._rest_inverse = _t_pose(skeleton, reference)[0][self._joints].transpose(0, 2, 1)
+        self._rest_inverse = t_pose(skeleton, reference)[0][self._joints].transpose(0, 2, 1)
         self._heads = [
             [_message(f"/tracking/trackers/{name}/{what}", "fff", b"") for what in ("position", "rotation")]
             for name, _ in carried
@@ -211,49 +211,6 @@ def _unity_euler(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     about_y = np.where(pole, np.arctan2(-rotations[:, 2, 0], rotations[:, 0, 0]), about_y)
     about_z = np.where(pole, 0.0, np.arctan2(rotations[:, 1, 0], rotations[:, 1, 1]))
     return np.degrees(np.stack([about_x, about_y, about_z], axis=1))
-
-
-def _humanoid_parents(skeleton: Skeleton, joints: NDArray[np.int_]) -> NDArray[np.int_]:
-    """For each humanoid joint the number of the nearest one above it among `joints`, -1 for the first."""
-    number = {int(joint): index for index, joint in enumerate(joints)}
-    parents = []
-    for joint in joints:
-        above = int(skeleton.parents[joint])
-        while above >= 0 and above not in number:
-            above = int(skeleton.parents[above])
-        parents.append(number.get(above, -1))
-    return np.array(parents)
-
-
-def _t_pose(skeleton: Skeleton, reference: Pose | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """World rotations (J, 3, 3) and positions (J, 3) of the T-pose: the bind pose with arms level and legs upright."""
-    root, rotations = bind_pose(skeleton, reference)
-    rotations = rotations.copy()
-    for bone, towards, direction in _straight_limbs():
-        if bone not in skeleton.humanoid or towards not in skeleton.humanoid:
-            continue
-        joint, end = skeleton.humanoid[bone], skeleton.humanoid[towards]
-        world = world_transforms(skeleton, root, rotations)
-        now = world[end, :3, 3] - world[joint, :3, 3]
-        if np.linalg.norm(now) < 1e-6:
-            continue
-        swing = Rotation.align_vectors(direction[None], now[None])[0]
-        parent = int(skeleton.parents[joint])
-        above = Rotation.from_matrix(world[parent, :3, :3]) if parent >= 0 else Rotation.identity()
-        turned = above.inv() * swing * Rotation.from_matrix(world[joint, :3, :3])
-        rotations[joint] = turned.as_quat()
-    world = world_transforms(skeleton, root, rotations)
-    return world[:, :3, :3], world[:, :3, 3]
-
-
-def _straight_limbs() -> list[tuple[str, str, NDArray[np.float64]]]:
-    """Bone, the bone it points at, and the direction (3,) of the T-pose; parents before children."""
-    limbs = []
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        arm, leg = np.array([sign, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
-        limbs += [(f"{side}_upper_arm", f"{side}_lower_arm", arm), (f"{side}_lower_arm", f"{side}_hand", arm)]
-        limbs += [(f"{side}_upper_leg", f"{side}_lower_leg", leg), (f"{side}_lower_leg", f"{side}_foot", leg)]
-    return limbs
 
 
 def _text(value: str) -> bytes:

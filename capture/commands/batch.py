@@ -14,7 +14,7 @@ from devices.errors import FileError, SixpointError
 def batch(
     paths: Annotated[list[Path], typer.Argument(help="Takes (.mcap) and tracks (.csv), or folders searched for them.")],
     out: Annotated[Path, typer.Option(help="The folder for motions, results.csv and summary.json.")],
-    ending: Annotated[str, typer.Option(help="Of the motions: .bvh, .glb, .csv or .npz.")] = ".bvh",
+    ending: Annotated[str, typer.Option(help="Of the motions: .bvh, .glb, .vrma, .csv or .npz.")] = ".bvh",
     score: Annotated[
         Path | None, typer.Option(help="A folder of the true motions (.bvh, .amc), called as the takes are.")
     ] = None,

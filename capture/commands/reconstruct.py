@@ -15,7 +15,7 @@ from devices.errors import FileError, SettingError
 def reconstruct(
     takes: Annotated[list[Path], typer.Argument(help="A take (.mcap), or tracks (.csv); with --compare several.")],
     out: Annotated[
-        Path, typer.Option(help="The motion to write: .bvh, .glb, .csv or .npz; with --compare also a folder.")
+        Path, typer.Option(help="The motion to write: .bvh, .glb, .vrma, .csv or .npz; with --compare also a folder.")
     ],
     database: Annotated[
         str | None, typer.Option(help="A folder made by `database build`, or `library` for our own.")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def transition(
     clips: Annotated[list[Path] | None, typer.Argument(help="Motions (.bvh, .amc): A B, or a whole sequence.")] = None,
-    out: Annotated[Path | None, typer.Option(help="The motion to write: .bvh, .glb, .csv or .npz.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The motion to write: .bvh, .glb, .vrma, .csv or .npz.")] = None,
     at: Annotated[
         str | None, typer.Option(metavar="FRAME|SECONDS", help="Where A is left: 90, or 1.5s. Its end where not given.")
     ] = None,

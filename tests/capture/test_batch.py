@@ -218,7 +218,7 @@ def test_a_killed_worker_of_a_cluster_takes_no_other_job_with_it(tmp_path, clust
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--ending", ".fbx"), ".bvh, .glb, .csv, .npz"),
+        (("--ending", ".fbx"), ".bvh, .glb, .vrma, .csv, .npz"),
         (("--score", "nowhere"), "no such folder"),
         (("--with", "solver.speed=1"), "solver.method"),
         (("--joint-names", "maya"), "ours, blender"),

@@ -1,13 +1,17 @@
 import numpy as np
 import pytest
+from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
 from capture.export import motion_writer, read_csv, read_npz, write_csv, write_motion, write_npz
+from capture.joint_presets import PRESETS, renamed_skeleton
+from deformation.character import mannequin_character
 from devices.errors import FileError, SettingError
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Motion
 from reconstruction.motion_files import read_bvh
 from reconstruction.standard_body import standard_skeleton
+from tests.capture.test_glb import posed_nodes
 
 
 @pytest.fixture
@@ -50,7 +54,33 @@ def test_bvh_comes_back_as_the_same_motion(motion, tmp_path):
     assert np.abs(mine - theirs[:, order]).max() < 1e-5
 
 
-@pytest.mark.parametrize("ending", [".bvh", ".csv", ".npz", ".glb"])
+@pytest.fixture(scope="module")
+def character():
+    return mannequin_character(standard_skeleton(1.8), "low")
+
+
+@pytest.mark.parametrize("preset", [None, *PRESETS])
+def test_every_format_gives_back_the_motion_under_every_programs_names(motion, character, tmp_path, preset):
+    for ending in (".bvh", ".csv", ".npz", ".glb"):
+        write_motion(motion, tmp_path / f"a{ending}", character, preset)
+    skeleton = motion.skeleton if preset is None else renamed_skeleton(motion.skeleton, preset)
+    assert len(set(skeleton.names)) == len(skeleton)
+    for back in (read_npz(tmp_path / "a.npz"), read_csv(tmp_path / "a.csv", skeleton)):
+        assert back.skeleton.names == skeleton.names
+        assert np.array_equal(back.root_positions, motion.root_positions)
+        assert np.array_equal(back.rotations, motion.rotations)
+    places, _ = world_joints(motion.skeleton, motion.root_positions, motion.rotations)
+    read = read_bvh(tmp_path / "a.bvh")
+    order = [read.skeleton.names.index(name) for name in skeleton.names]
+    assert set(read.skeleton.names) == set(skeleton.names)
+    assert np.abs(places - world_joints(read.skeleton, read.root_positions, read.rotations)[0][:, order]).max() < 1e-5
+    gltf = GLTF2().load(tmp_path / "a.glb")
+    assert tuple(node.name for node in gltf.nodes[: len(skeleton)]) == skeleton.names
+    for frame in (0, 11):
+        assert np.abs(posed_nodes(gltf, frame)[: len(skeleton), :3, 3] - places[frame]).max() < 1e-5
+
+
+@pytest.mark.parametrize("ending", [".bvh", ".csv", ".npz", ".glb", ".vrma"])
 def test_each_ending_is_written_whole_and_alone(motion, tmp_path, ending):
     write_motion(motion, tmp_path / f"a{ending}")
     assert [path.name for path in tmp_path.iterdir()] == [f"a{ending}"]
@@ -58,7 +88,7 @@ def test_each_ending_is_written_whole_and_alone(motion, tmp_path, ending):
 
 
 def test_an_unknown_ending_lists_the_known_ones():
-    with pytest.raises(SettingError, match=r"\.bvh, \.glb, \.csv, \.npz"):
+    with pytest.raises(SettingError, match=r"\.bvh, \.glb, \.vrma, \.csv, \.npz"):
         motion_writer("dance.fbx")
 
 
