@@ -215,18 +215,24 @@ def line_of(text: str, keys: list[str]) -> int:
 
 
 def commented_config(config: SessionConfig | None = None) -> str:
-    """A `session.toml` with every key at its default, its meaning and its range above it."""
+    """A `session.toml` with every key, at its default where the configuration has no other, its meaning above it."""
     config = config or SessionConfig()
     lines = ["# A sixpoint session. Every key may be left out; what stands here is the default.", ""]
     for name in SessionConfig.model_fields:
-        section = DeviceConfig() if name == "device" else getattr(config, name)
-        lines += [f"# {(type(section).__doc__ or '').strip()}", "[[device]]" if name == "device" else f"[{name}]"]
-        for key, field in type(section).model_fields.items():
-            lines += [f"# {field.description}{_range(field.metadata)}"] if field.description else []
-            value = getattr(section, key)
-            lines.append(f"# {key} =" if value is None else f"{key} = {_toml(value)}")
-        lines.append("")
+        is_list = name == "device"
+        for section in config.device or (DeviceConfig(),) if is_list else (getattr(config, name),):
+            lines += [f"# {(type(section).__doc__ or '').strip()}", "[[device]]" if is_list else f"[{name}]"]
+            lines += [*_keys(section), ""]
     return "\n".join(lines)
+
+
+def _keys(section: BaseModel) -> list[str]:
+    lines = []
+    for key, field in type(section).model_fields.items():
+        lines += [f"# {field.description}{_range(field.metadata)}"] if field.description else []
+        value = getattr(section, key)
+        lines.append(f"# {key} =" if value is None else f"{key} = {_toml(value)}")
+    return lines
 
 
 def _range(metadata: list) -> str:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from capture.config import SessionConfig
 from capture.latency import LatencyRecorder, latency_table
@@ -21,6 +22,9 @@ from capture.start_up import process_age_s
 from capture.take_desk import TakeDesk, dated_take
 from devices.errors import FileError, SixpointError
 from replay_logs.recorder import TakeRecorder
+
+if TYPE_CHECKING:
+    from capture.guide import CalibrationGuide
 
 
 def tell(message: str) -> None:
@@ -75,13 +79,13 @@ def solve_live(
         pipeline.warm_up()
     with (
         open_streams(config, pipeline) as streams,
-        _open(config) as devices,
+        opened(config) as devices,
         _recording(take, config, devices) as recorder,
     ):
         session = make_session(config, devices, pipeline, recorder, [*streams, *watchers], tell)
         desk = TakeDesk(session, lambda path: start_recording(path, config, devices), Path(config.record.folder))
         with reloading(source, config, session.tuning, tell), _obeying(config, session, desk):
-            _run(session, seconds, shown, desk)
+            run_session(session, seconds, shown, desk)
     return session
 
 
@@ -95,14 +99,23 @@ def keep(config: SessionConfig, take: Path | None, seconds: float | None, as_jso
 def keep_quietly(config: SessionConfig, take: Path, seconds: float | None) -> Session:
     """Records, and gives the session back for its figures."""
     _check_take(take)
-    with _open(config) as devices, _recording(take, config, devices) as recorder:
+    with opened(config) as devices, _recording(take, config, devices) as recorder:
         session = make_session(config, devices, None, recorder, tell=tell)
-        _run(session, seconds, shown=False)
+        run_session(session, seconds, shown=False)
     return session
 
 
-def _run(session: Session, seconds: float | None, shown: bool, desk: TakeDesk | None = None) -> None:
-    """The session on a thread of its own; this one draws, or waits. A take begun meanwhile is finished."""
+def run_session(
+    session: Session,
+    seconds: float | None,
+    shown: bool,
+    desk: TakeDesk | None = None,
+    guide: "CalibrationGuide | None" = None,
+) -> None:
+    """The session on a thread of its own; this one draws, or waits. A take begun meanwhile is finished.
+
+    It ends with Ctrl-C, with its window, after `seconds`, or when the guide, where there is one, is through.
+    """
     stop = threading.Event()
     failure: list[BaseException] = []
 
@@ -120,7 +133,7 @@ def _run(session: Session, seconds: float | None, shown: bool, desk: TakeDesk | 
     thread.start()
     try:
         with _signals_end_it(stop):
-            _watch(session, stop, seconds, shown, desk)
+            _watch(session, stop, seconds, shown, desk, guide)
     except KeyboardInterrupt:
         pass
     finally:
@@ -148,20 +161,33 @@ def _signals_end_it(stop: threading.Event) -> Iterator[None]:
             signal.signal(kind, handler)
 
 
-def _watch(session: Session, stop: threading.Event, seconds: float | None, shown: bool, desk: TakeDesk | None) -> None:
+def _watch(
+    session: Session,
+    stop: threading.Event,
+    seconds: float | None,
+    shown: bool,
+    desk: TakeDesk | None,
+    guide: "CalibrationGuide | None",
+) -> None:
     end = None if seconds is None else time.monotonic() + seconds
+
+    def ended() -> bool:
+        through = guide is not None and guide.finished
+        return through or stop.is_set() or (end is not None and time.monotonic() > end)
+
     if shown:
         from capture.live_window import show_session
 
         try:
-            show_session(session, lambda: stop.is_set() or (end is not None and time.monotonic() > end), desk)
+            show_session(session, ended, desk, guide)
             return
         except SixpointError as error:
             # Who performs cannot see to it now, and what is recorded must not end with a picture.
             tell(f"{error}; the session goes on without it, Ctrl-C ends it")
-    while not stop.wait(0.05):
-        if end is not None and time.monotonic() > end:
-            return
+    while not ended():
+        if guide is not None:
+            guide.tell_changes(tell)
+        stop.wait(0.05)
 
 
 @contextmanager
@@ -179,7 +205,8 @@ def _obeying(config: SessionConfig, session: Session, desk: TakeDesk) -> Iterato
 
 
 @contextmanager
-def _open(config: SessionConfig) -> Iterator[list[OpenDevice]]:
+def opened(config: SessionConfig) -> Iterator[list[OpenDevice]]:
+    """The configured devices, streaming until the block ends. Raises DeviceError and SettingError."""
     devices = open_devices(config.device, tell)
     try:
         yield devices

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from capture.figures_table import Rate, Refreshed, joined, latency_rows, standing_legend, tracker_rows
 from capture.ghosts import Ghosts
+from capture.guide import CalibrationGuide
 from capture.panel import TuningPanel
 from capture.pipeline import Pipeline
 from capture.scene import Badge, Camera, Colour, Scene
@@ -26,8 +27,14 @@ class SessionSource:
 
     duration_s = None
 
-    def __init__(self, session: Session, pipeline: Pipeline, desk: TakeDesk | None = None) -> None:
-        self.session, self.desk = session, desk
+    def __init__(
+        self,
+        session: Session,
+        pipeline: Pipeline,
+        desk: TakeDesk | None = None,
+        guide: CalibrationGuide | None = None,
+    ) -> None:
+        self.session, self.desk, self.guide = session, desk, guide
         self.stage = Stage(pipeline.reconstructor.skeleton, pipeline.cast)
         self.panel = TuningPanel(session.tuning)
         self.frame_s = 1 / session.assembler.rate_hz
@@ -51,16 +58,17 @@ class SessionSource:
             shot.skin,
             layers,
             solution.sigma,
-            title="sixpoint live",
+            title="sixpoint calibration" if self.guide else "sixpoint live",
             standings=shot.standings,
             ghosts=ghosts,
         )
         return replace(
             scene,
             badges=self._badges(),
-            figures=self._figures.rows() if layers.statistics else (),
+            figures=self._figures.rows() if layers.statistics and not self.guide else (),
             legend=standing_legend(shot.standings) if layers.trackers else (),
             panel=self.panel.panel(),
+            banner=self.guide.banner() if self.guide else None,
         )
 
     def _badges(self) -> tuple[Badge, ...]:
@@ -88,14 +96,20 @@ def session_actions(source: SessionSource, pipeline: Pipeline) -> Mapping[str, A
     clip = {"C": Action("the clip, or the performer", director.toggle_clip)} if director else {}
     poke = {"P": Action("poke the flesh", pipeline.deformer.poke)} if pipeline.deformer else {}
     takes = source.desk.actions() if source.desk else {}
-    return {**takes, **clip, **poke, **source.panel.actions()}
+    guide = source.guide.actions() if source.guide else {}
+    return {**takes, **clip, **poke, **source.panel.actions(), **guide}
 
 
-def show_session(session: Session, ended: Callable[[], bool], desk: TakeDesk | None = None) -> None:
+def show_session(
+    session: Session,
+    ended: Callable[[], bool],
+    desk: TakeDesk | None = None,
+    guide: CalibrationGuide | None = None,
+) -> None:
     """A window over the session until it is closed, or `ended` says so."""
     from capture.viewer import show
 
     pipeline = session.pipeline
     assert pipeline is not None
-    source = SessionSource(session, pipeline, desk)
+    source = SessionSource(session, pipeline, desk, guide)
     show(source, title="sixpoint live", actions=session_actions(source, pipeline), until=ended)

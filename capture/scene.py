@@ -174,10 +174,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Banner:
-    """What the person before the window is told to do. share: how much of it is done, 0 to 1, as a bar."""
+    """What the person before the window is told to do.
+
+    count: seconds left, say, to be read from across the room; share: how much of it is done, 0 to 1, as a bar.
+    """
 
     text: str
     below: tuple[str, ...] = ()
+    count: str = ""
     share: float | None = None
 
 

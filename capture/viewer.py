@@ -468,6 +468,7 @@ def _key_codes() -> dict[int, str]:
         264: "Down",
         265: "Up",
         258: "Tab",
+        257: "Enter",
         259: "Backspace",
         268: "Home",
         269: "End",

@@ -136,21 +136,33 @@ def panel_card(panel: Panel, height: int) -> Card:
 
 @lru_cache(maxsize=_MOST_KEPT)
 def banner_card(banner: Banner, height: int) -> Card:
-    """A framed instruction in large letters, lines under it, and a bar of how much is done."""
-    large, size = round(2.0 * letter_height(height)), letter_height(height)
-    margin, pitch = size, round(1.4 * size)
-    width = max(_length(banner.text, _font(large)), *(_length(t, _font(size)) for t in banner.below), 12 * size)
-    rows = round(1.3 * large) + pitch * len(banner.below) + (size if banner.share is not None else 0)
-    card, draw = _framed(width + 2 * margin, rows + 2 * margin)
-    middle = margin + width / 2
-    draw.text((middle, margin), banner.text, fill=_INK, font=_font(large), anchor="ma")
-    for number, line in enumerate(banner.below):
-        top = margin + round(1.3 * large) + number * pitch
-        draw.text((middle, top), line, fill=_PALE, font=_font(size), anchor="ma")
+    """A framed instruction in large letters, a count in huge ones, lines under it, and a bar of how much is done."""
+    plain = letter_height(height)
+    rows = [(line, round(1.8 * plain), _INK) for line in _wrapped(banner.text, round(1.8 * plain), height)]
+    rows += [(banner.count, 4 * plain, _ACCENT)] if banner.count else []
+    rows += [(line, plain, _PALE) for text in banner.below for line in _wrapped(text, plain, height)]
+    width = max(*(_length(text, _font(size)) for text, size, _ in rows), 14 * plain)
+    bar = plain if banner.share is not None else 0
+    card, draw = _framed(width + 2 * plain, sum(round(1.35 * size) for _, size, _ in rows) + bar + 2 * plain)
+    top, middle = plain, plain + width / 2
+    for text, size, ink in rows:
+        draw.text((middle, top), text, fill=ink, font=_font(size), anchor="ma")
+        top += round(1.35 * size)
     if banner.share is not None:
-        bottom = margin + rows - 2
-        _bar(draw, (margin, bottom - size // 3, margin + width, bottom), banner.share)
+        _bar(draw, (plain, top + bar / 2, plain + width, top + bar / 2 + plain // 3), banner.share)
     return _done(card)
+
+
+def _wrapped(text: str, size: int, most: float) -> list[str]:
+    """The text in lines of at most so many pixels, broken between words."""
+    lines = [""]
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}".strip(" ")
+        if lines[-1] and _length(longer, _font(size)) > most:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 @lru_cache(maxsize=_MOST_KEPT)

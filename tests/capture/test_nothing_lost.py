@@ -143,12 +143,24 @@ def test_a_lost_window_ends_neither_the_session_nor_its_take(tmp_path, monkeypat
     recorder.add_device(RecordedDevice("fake", "generic"))
     pipeline = RecordingPipeline()
     running = session(FakeDriver(readings := generic_readings(100)), pipeline, recorder)
-    going_live._run(running, seconds=1.0, shown=True)
+    going_live.run_session(running, seconds=1.0, shown=True)
     assert "the window is lost: its process ended with status -9; the session goes on" in capsys.readouterr().err
     assert pipeline.frames[-1].time_s > 0.8
     take = read_take(recorder.path)
     assert take.missing is None
     assert len(take.chunks["fake"]) == len(readings)
+
+
+def test_a_window_that_is_closed_ends_the_session_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr("capture.live_window.show_session", lambda *_: time.sleep(0.5))
+    recorder = TakeRecorder(tmp_path / "a.mcap")
+    recorder.add_device(RecordedDevice("fake", "generic"))
+    driver = FakeDriver(readings := generic_readings(50))
+    going_live.run_session(session(driver, RecordingPipeline(), recorder), seconds=None, shown=True)
+    take = read_take(recorder.path)
+    assert take.missing is None
+    assert len(take.chunks["fake"]) == len(readings)
+    assert driver.closed == 1
 
 
 def test_a_clock_that_is_set_changes_nothing(tmp_path, monkeypatch):
