@@ -19,8 +19,8 @@ class NeighbourSettings:
     count: K, 8 to 256.
     candidates: windows retrieved before near duplicates are thinned out, at least `count`.
     apart: frames, how far two neighbours of one clip must be from each other, at least 1.
-    trusted_until: coverage up to which the neighbours are taken at their word, above 0; beyond it their Gaussian is
-        widened in proportion.
+    trusted_until: coverage up to which the neighbours are taken at their word, above 0; beyond it the prior widens in
+        proportion (`local_model`).
     sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
     """
 
@@ -38,6 +38,11 @@ class DefaultPredictor:
     freedom vary together; and it trusts the neighbours less the farther they are.
     """
 
+    WIDEST = 10.0
+    """Most that the prior widens: beyond, the database has nothing to say."""
+    SAMPLE = 4000
+    """Poses that the covariance of all of the database is taken from."""
+
     def __init__(
         self, database: MotionDatabase, scale: float, neighbours: NeighbourSettings, local: LocalModelSettings
     ):
@@ -47,6 +52,8 @@ class DefaultPredictor:
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._windows = np.asarray(database.windows)
         self._clips = np.searchsorted(database.firsts, self._windows, side="right")
+        sample = self._windows[:: max(1, len(self._windows) // self.SAMPLE)].astype(np.int64)
+        self._everything = np.cov(self._at_scale(sample, 0), rowvar=False, bias=True)
 
     def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
         """See `Predictor`."""
@@ -58,7 +65,8 @@ class DefaultPredictor:
         steps = following - self._at_scale(rows, 1)
         coverage = float(distances[: max(1, len(distances) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
-        prior = local_prior(following, steps, weights, last.q, max(1.0, coverage / s.trusted_until), self._local)
+        widening = min(max(1.0, coverage / s.trusted_until), self.WIDEST)
+        prior = local_prior(following, steps, weights, last.q, widening, self._everything, self._local)
         return Prediction(prior, rows, coverage)
 
     def _feature(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -3,9 +3,12 @@
 Where the paper predicts every degree of freedom alone (`local_regression`), this keeps how they vary together among
 the neighbours, so that a tracker pulls a whole arm as arms move. Two statements are multiplied:
 
-- pose: q_t ~ N(weighted mean of the neighbours' y_k, their covariance widened by how far they are, plus a floor);
+- pose: q_t ~ N(weighted mean of the neighbours' y_k, their covariance plus a floor);
 - step: q_t ~ N(q_{t-1} + weighted mean of y_k - x_k, the steps' spread plus a floor), which carries what the trackers
   do not see, and damps jitter.
+
+Neighbours that are far differ from the truth by more than from each other, and in other ways: then the covariance of
+all poses of the database, in proportion to the squared distance, is added to the first, and both floors rise.
 """
 
 from dataclasses import dataclass
@@ -24,6 +27,8 @@ class LocalModelSettings:
 
     pose_floor: radians (metres for the root), standard deviation added to every coordinate's spread, above 0.
     step_floor: the same for the step.
+    background: standard deviations of the database that a pose may differ from neighbours at the distance where their
+        widening is sqrt(2), 0 or more.
     pose_widening: times the neighbours' own spread, above 0.
     step_widening: times the steps' own spread, above 0.
     """
@@ -32,6 +37,7 @@ class LocalModelSettings:
     step_floor: float = 0.015
     pose_widening: float = 1.5
     step_widening: float = 4.0
+    background: float = 0.2
 
 
 def local_prior(
@@ -40,17 +46,21 @@ def local_prior(
     weights: NDArray[np.float64],
     last: NDArray[np.float64] | None,
     widening: float,
+    everything: NDArray[np.float64],
     settings: LocalModelSettings,
 ) -> GaussianPrior:
     """The prior from K neighbours.
 
     following: (K, D), y_k; steps: (K, D), y_k - x_k; weights: (K,), summing to one; last: (D,) q_{t-1} or None where
-    there is no history; widening: 1 inside the data, more outside.
+    there is no history; widening: 1 inside the data, in proportion to the neighbours' distance outside;
+    everything: (D, D), the covariance of all poses of the database.
     """
     dof = following.shape[1]
     mean = weights @ following
-    spread = (following - mean) * np.sqrt(weights)[:, None] * settings.pose_widening * widening
+    spread = (following - mean) * np.sqrt(weights)[:, None] * settings.pose_widening
     covariance = spread.T @ spread
+    if widening > 1:
+        covariance += settings.background**2 * (widening**2 - 1) * everything
     covariance[np.arange(dof), np.arange(dof)] += (settings.pose_floor * widening) ** 2
     factor, _ = dpotrf(covariance, lower=1)
     precision, _ = dpotri(factor, lower=1)
@@ -58,7 +68,7 @@ def local_prior(
     if last is None:
         return GaussianPrior(mean, precision)
     step = weights @ steps
-    variance = settings.step_widening**2 * (weights @ (steps - step) ** 2) + settings.step_floor**2
+    variance = settings.step_widening**2 * (weights @ (steps - step) ** 2) + (settings.step_floor * widening) ** 2
     both = precision.copy()
     both[np.arange(dof), np.arange(dof)] += 1 / variance
     information = precision @ mean + (last + step) / variance

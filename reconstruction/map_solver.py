@@ -113,7 +113,7 @@ class MapSolver:
 
         optimiser.set_min_objective(energy)
         # A line search that can go no lower raises: the best point seen is the answer then too.
-        with suppress(nlopt.RoundoffLimited, RuntimeError):
+        with suppress(nlopt.RoundoffLimited, nlopt.runtime_error, RuntimeError):
             optimiser.optimize(np.zeros(len(start)))
         return start + root @ best[1], count, float(best[0])
 

@@ -29,11 +29,13 @@ class Footing(IntEnum):
 class TrackerReturn:
     """Lets a tracker that was missing come back smoothly.
 
-    On its return the solved joint stands somewhere else. That difference is added to what the tracker says and let
-    go to zero over `DURATION_S` with a quintic that starts and ends at rest.
+    On its return the solved joint stands somewhere else and moves otherwise. Both differences, of place and, one frame
+    later, of velocity, are added to what the tracker says and go to zero with quintics that end at rest.
     """
 
     DURATION_S = 0.3
+    SLOWING_S = 0.15
+    """In which the velocity is taken over: sooner, lest the pose follow its own belief for long."""
     MISSING_S = 0.07
     """A shorter gap, up to three frames, is no dropout: the track itself says how the joint went on."""
 
@@ -44,19 +46,25 @@ class TrackerReturn:
         """Forgets everything: trackers are taken as they come."""
         self._last_seen = np.full(len(ROLES), np.nan)
         self._back_since = np.full(len(ROLES), -np.inf)
-        self._offset = np.zeros((len(ROLES), 3))
+        self._just_back = np.zeros(len(ROLES), np.bool_)
+        self._offset, self._drift = np.zeros((2, len(ROLES), 3))
 
     def eased(self, frame: TrackerFrame, expected: NDArray[np.float64] | None) -> NDArray[np.float64]:
         """The positions (6, 3) to solve for; expected: (6, 3) metres, where the pose would put them, or None."""
         here = frame.measured
         gap = frame.time_s - self._last_seen
         back = here & ~(gap <= self.MISSING_S) & (expected is not None)
+        since = frame.time_s - self._back_since
         if expected is not None:
-            self._back_since[back] = frame.time_s
-            self._offset[back] = (expected - frame.positions)[back]
+            off = expected - frame.positions
+            moving = here & self._just_back & (gap > 0)
+            self._drift[moving] = ((off - self._offset) / np.maximum(since, 1e-9)[:, None])[moving]
+            self._back_since[back], since[back] = frame.time_s, 0.0
+            self._offset[back], self._drift[back] = off[back], 0.0
+        self._just_back = back
         self._last_seen[here] = frame.time_s
-        left = _remaining((frame.time_s - self._back_since) / self.DURATION_S)
-        return frame.positions + left[:, None] * self._offset
+        place, way = _fading(since / self.DURATION_S)[0], self.SLOWING_S * _fading(since / self.SLOWING_S)[1]
+        return frame.positions + place[:, None] * self._offset + way[:, None] * self._drift
 
 
 class OrientationGate:
@@ -159,10 +167,11 @@ class NoiseMeter:
         return float(np.partition(jerks, len(jerks) // 4)[len(jerks) // 4] / self._QUARTILE)
 
 
-def _remaining(u: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """1 at u = 0, 0 from u = 1 on, by the quintic that is at rest at both ends."""
+def _fading(u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Quintics from u = 0 to rest at 0 from u = 1 on: one that starts at 1 and at rest, one that starts at 0 with slope
+    1; neither is accelerated at the ends."""
     u = np.clip(u, 0, 1)
-    return 1 - u**3 * (10 - 15 * u + 6 * u**2)
+    return 1 - u**3 * (10 - 15 * u + 6 * u**2), u - u**3 * (6 - 8 * u + 3 * u**2)
 
 
 def footings(frame: TrackerFrame, held: bool) -> NDArray[np.int8]:

@@ -27,6 +27,20 @@ def test_a_tracker_comes_back_from_where_it_was_believed_to_be():
     assert (np.diff(way) <= 1e-12).all()
 
 
+def test_a_tracker_comes_back_with_the_velocity_it_was_believed_to_have():
+    back, speed = TrackerReturn(), 0.02
+    believed = [np.tile([speed * n, 1.0, 0.0], (6, 1)) for n in range(80)]
+    for number in range(20):
+        back.eased(frame(number, lost=number > 0), believed[number])
+    way = [speed * 19]
+    for number in range(20, 50):
+        going_on = 2 * way[-1] - way[-2] if len(way) > 1 else speed * number
+        way.append(back.eased(frame(number), np.tile([going_on, 1.0, 0.0], (6, 1)))[2, 0])
+    assert way[-1] == 0
+    assert np.abs(np.diff(way, 2)).max() < 0.8 * speed
+    np.testing.assert_allclose(np.diff(way, 2)[:1], 0, atol=1e-9)
+
+
 def test_short_gaps_are_no_dropouts():
     back = TrackerReturn()
     back.eased(frame(0), None)
