@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
+from itertools import pairwise, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from reconstruction.database import Clip, MotionDatabase, open_database
 from reconstruction.kinematics import world_joints
 from reconstruction.likelihood import energy_and_gradient, jacobian, residuals
 from reconstruction.map_problem import MapProblem
-from reconstruction.solver import Reconstructor
+from reconstruction.solver import Reconstructor, Solution
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,23 @@ def bench_reconstruct(
     return figures
 
 
-def growth(all_figures: Sequence[dict[str, dict]]) -> dict[str, float]:
-    """How many times as long a frame of our own method takes on the largest of several databases as on the smallest."""
-    by_size = sorted(all_figures, key=lambda figures: figures["database"]["poses"])
-    small, large = (by_size[at]["default"] for at in (0, -1))
-    return {
-        f"{name} {percentile}": round(large[name][percentile] / small[name][percentile], 2)
-        for name in ("frame_ms", "processor_ms")
-        for percentile in ("p50", "p99")
-    }
+def growth(databases: Sequence[MotionDatabase], plan: BenchPlan | None = None) -> dict[str, dict]:
+    """Milliseconds a frame of our own method takes on each of several databases, and how many times as long on the
+    largest as on the smallest.
+
+    The databases take turns, take by take, so that whatever else the machine does befalls all of them.
+    """
+    plan = plan or BenchPlan()
+    databases = sorted(databases, key=len)
+    solvers = [Reconstructor(database) for database in databases]
+    times = [_FrameTimes() for _ in databases]
+    for takes in zip_longest(*(_takes(database, plan) for database in databases), fillvalue=[]):
+        for solver, measured, take in zip(solvers, times, takes, strict=True):
+            measured.solve(solver, take)
+    found = {f"{len(d)} poses": measured.percentiles() for d, measured in zip(databases, times, strict=True)}
+    small, large = times[0].percentiles(), times[-1].percentiles()
+    ratios = {name: {p: round(large[name][p] / small[name][p], 2) for p in ("p50", "p99")} for name in small}
+    return found | {"largest over smallest": ratios}
 
 
 def _opening(database: MotionDatabase) -> dict:
@@ -125,24 +133,47 @@ def _timed(database: MotionDatabase, takes: list[list[TrackerFrame]], method: st
     skeleton = database.space.skeleton
     solver = Reconstructor(database, predictor=predictor_of(method, database, skeleton, roles))
     ready = time.perf_counter() - began
-    recorder, whole, processor, first = LatencyRecorder(1_000_000), [], [], []
+    recorder, times = LatencyRecorder(1_000_000), _FrameTimes()
     for take in takes:
-        solver.reset()
-        for number, frame in enumerate(take):
-            start, work = time.perf_counter_ns(), time.process_time_ns()
-            solution = solver.solve(frame)
-            processor.append((time.process_time_ns() - work) * 1e-6)
-            (whole if number else first).append((time.perf_counter_ns() - start) * 1e-6)
+        for solution in times.solve(solver, take):
             recorder.add_all(solution.stage_ns)
     moved_s = sum(len(take) for take in takes) / database.fps
     return {
         "ready_s": round(ready, 3),
-        "first_frame_ms": round(float(np.median(first)), 3),
-        "frame_ms": percentiles_ms(np.array(whole)),
-        "processor_ms": percentiles_ms(np.array(processor)),
+        "first_frame_ms": round(float(np.median(times.first)), 3),
+        **times.percentiles(),
         "stages_ms": recorder.summary(),
-        "times_real_time": round(1000 * moved_s / (sum(whole) + sum(first)), 1),
+        "times_real_time": round(1000 * moved_s / (sum(times.clock) + sum(times.first)), 1),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class _FrameTimes:
+    """Milliseconds of frames by the clock and by what processors worked; of those that start a take apart."""
+
+    clock: list[float] = field(default_factory=list)
+    processor: list[float] = field(default_factory=list)
+    first: list[float] = field(default_factory=list)
+
+    def solve(self, solver: Reconstructor, take: list[TrackerFrame]) -> list[Solution]:
+        """Solves a take from a start without a past, and notes the times."""
+        solver.reset()
+        solutions = []
+        for number, frame in enumerate(take):
+            start, work = time.perf_counter_ns(), time.process_time_ns()
+            solutions.append(solver.solve(frame))
+            worked, took = time.process_time_ns() - work, time.perf_counter_ns() - start
+            (self.clock if number else self.first).append(took * 1e-6)
+            if number:
+                self.processor.append(worked * 1e-6)
+        return solutions
+
+    def percentiles(self) -> dict[str, dict[str, float]]:
+        """`frame_ms` and `processor_ms`."""
+        return {
+            name: percentiles_ms(np.array(v))
+            for name, v in (("frame_ms", self.clock), ("processor_ms", self.processor))
+        }
 
 
 def map_figures(database: MotionDatabase, take: list[TrackerFrame]) -> dict:

@@ -122,7 +122,7 @@ def _cost_table(experiment: Experiment) -> list[str]:
     rows = mean_scores(
         (s for s in experiment.scores if s.trackers == 6 and s.database == "large"), lambda s: (s.method,)
     )
-    lines = ["| | jitter ratio | slide ratio | ms a frame, median | worst clip |", "|---|---|---|---|---|"]
+    lines = ["| | jitter ratio | slide ratio | processor ms a frame | worst clip |", "|---|---|---|---|---|"]
     return lines + [
         f"| {PRINTED_NAMES[method]} | {row.jitter_ratio:.2f} | {row.slide_ratio:.2f} | {row.solve_ms:.2f}"
         f" | {row.worst_deg:.2f} / {row.worst_cm:.2f} |"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIST_LENGTH = 512
-LISTS_SEARCHED = 32
+LISTS_SEARCHED = 24
 TRAINED_ON = 64
 """Vectors that the place of one list's centre is found from."""
 

@@ -38,24 +38,23 @@ def reconstruct(
     plan = BenchPlan(frames=frames, roles=tuple(n.strip() for n in trackers.split(",")) if trackers else ROLES)
     if method:
         plan = replace(plan, methods=tuple(method))
-    measured = []
+    known, measured = [], []
     for name in database or ["library"]:
         with progress_bar(f"opening {name}") as progress:
-            known = open_named_database(name, progress)
-        with progress_bar(f"measuring on {len(known)} poses") as progress:
-            measured.append(bench_reconstruct(known, plan, progress))
-    together = growth(measured) if len(measured) > 1 and "default" in plan.methods else {}
+            known.append(open_named_database(name, progress))
+        with progress_bar(f"measuring on {len(known[-1])} poses") as progress:
+            measured.append(bench_reconstruct(known[-1], plan, progress))
+    together = growth(known, plan) if len(known) > 1 else {}
     if as_json:
         print(json.dumps({"databases": measured, "growth": together}))
         return
     for figures in measured:
-        _print_table(figures)
+        _print_table(figures, f"milliseconds, {figures['database']['poses']} poses")
     if together:
-        print("growth of a frame's time, smallest to largest database: ", end="")
-        print(", ".join(f"{name.replace('_ms', '')} {ratio:g}x" for name, ratio in together.items()))
+        _print_table(together, "milliseconds a frame, the databases in turns")
 
 
-def _print_table(figures: dict) -> None:
+def _print_table(figures: dict, title: str) -> None:
     """The durations as a table, the other figures as lines."""
     from rich.console import Console
 
@@ -64,12 +63,12 @@ def _print_table(figures: dict) -> None:
     rows, lines = {}, []
     for part, values in figures.items():
         for name, value in values.items():
-            if isinstance(value, dict) and "p99" in value:
+            if isinstance(value, dict) and "p95" in value:
                 rows[f"{part}: {name}"] = value
             elif name == "stages_ms":
                 rows |= {f"{part}: {stage}": row for stage, row in value.items()}
             else:
                 lines.append(f"{part}: {name.replace('_', ' ')} {value}")
     console = Console()
-    console.print(latency_table(rows, f"milliseconds, {figures['database']['poses']} poses"))
+    console.print(latency_table(rows, title))
     console.print("\n".join(lines))

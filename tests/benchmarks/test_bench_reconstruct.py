@@ -1,7 +1,8 @@
 import pytest
 
 from capture.bench_reconstruct import BenchPlan, bench_reconstruct, growth
-from tests.reconstruction.conftest import database  # noqa: F401 - a fixture
+from reconstruction.database import build_database
+from tests.reconstruction.conftest import database, strolling  # noqa: F401 - a fixture
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +22,9 @@ def test_neighbours_are_recalled(figures):
     assert figures["paper's neighbours"]["graph_recall_at_48"] >= 0.9
 
 
-def test_growth_is_that_of_the_largest_database_over_the_smallest(figures):
-    def on(poses: int, milliseconds: float) -> dict:
-        times = {"p50": milliseconds, "p99": 2 * milliseconds}
-        return {"database": {"poses": poses}, "default": {"frame_ms": times, "processor_ms": times}}
-
-    assert growth([on(500, 3.0), on(9, 2.0), on(100, 9.0)])["frame_ms p99"] == 1.5
+def test_growth_is_that_of_the_largest_database_over_the_smallest(database, tmp_path):  # noqa: F811
+    small = build_database([strolling(0)], tmp_path / "small")
+    found = growth([database, small], BenchPlan(frames=80, clip_frames=40))
+    assert list(found) == [f"{len(small)} poses", f"{len(database)} poses", "largest over smallest"]
+    of_small, of_large = (found[f"{len(d)} poses"]["processor_ms"]["p50"] for d in (small, database))
+    assert found["largest over smallest"]["processor_ms"]["p50"] == pytest.approx(of_large / of_small, abs=0.01)
