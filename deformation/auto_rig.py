@@ -151,8 +151,11 @@ def _by_rays(
     return found, f"rays find {found.closed.sum()} closed curves, {same} of the {len(rings)} rings that edges make"
 
 
-def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRig:
-    """The rig with some joints elsewhere: places (3,) metres by name, else SettingError is raised."""
+def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]], notes: tuple[str, ...] | None = None) -> AutoRig:
+    """The rig with some joints elsewhere: places (3,) metres by name, else SettingError is raised.
+
+    notes: lines on why; otherwise that they were moved by hand.
+    """
     skeleton = found.rig.skeleton
     for name in moved:
         if name not in skeleton.names:
@@ -160,8 +163,9 @@ def with_joints(found: AutoRig, moved: dict[str, NDArray[np.float64]]) -> AutoRi
     places = dict(zip(skeleton.names, found.rig.bind[:, :3, 3], strict=True)) | moved
     parents = [None if p < 0 else skeleton.names[p] for p in skeleton.parents]
     tree = tuple(zip(skeleton.names, parents, strict=True))
-    note = f"moved by hand: {', '.join(moved)}"
-    return replace(found, rig=rig_of(places, tree), notes=(*found.notes, note) if moved else found.notes)
+    if notes is None:
+        notes = (f"moved by hand: {', '.join(moved)}",) if moved else ()
+    return replace(found, rig=rig_of(places, tree), notes=(*found.notes, *notes))
 
 
 class _Finding:

@@ -1,56 +1,98 @@
 """`sixpoint rig` and `sixpoint inbetween`: a skeleton for a mesh, and shapes between two poses of it."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from devices.errors import FileError, choice_error
+from devices.errors import FileError, SixpointError, choice_error
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from deformation.auto_rig import AutoRig
+    from capture.rig_view import RigView
+    from deformation.character_files import Placement
     from deformation.mesh import Mesh
 
 
+@dataclass(frozen=True, eq=False)
+class _PlacedMesh:
+    """A mesh in metres on the floor. What is at x metres is at (x - shift) / unit_m in the file, or in metres of a GLB.
+
+    placement: what was done to the file's vertices; notes: lines on what was mended.
+    """
+
+    mesh: "Mesh"
+    unit_m: float
+    shift: "NDArray[np.float64]"
+    placement: "Placement"
+    notes: tuple[str, ...]
+
+
 def rig(
-    mesh: Annotated[Path, typer.Argument(help="The character: .obj, .ply, .glb or .vrm, upright, Y up.")],
+    meshes: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="MESH...", help="The character: .obj, .ply, .glb or .vrm, upright, Y up; more poses of it."
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="The skeleton to write, as JSON; a picture of it lands beside as .png.")],
-    template: Annotated[str, typer.Option(help="auto, human or quadruped.")] = "auto",
+    template: Annotated[str, typer.Option(help="auto, human, quadruped or hand.")] = "auto",
     joints: Annotated[Path | None, typer.Option(help="Joints to move: a RIG.json, or a part of one.")] = None,
     unit_m: Annotated[float | None, typer.Option(help="What one unit of the file is, metres.")] = None,
     picture: Annotated[bool, typer.Option(help="Write the picture.")] = True,
+    show: Annotated[bool, typer.Option("--show", help="Show it in a window too, or why there is no skeleton.")] = False,
+    curves: Annotated[
+        str, typer.Option(help="edges: along the quads' edges; rays: by the paper's ray test.")
+    ] = "edges",
+    matching: Annotated[
+        str, typer.Option(help="A person's joints: anatomy, or the paper's midpoint or triangle form.")
+    ] = "anatomy",
 ) -> None:
     """Find the skeleton of a character mesh that has none.
 
     Iso-parametric curves of a quad mesh, or slices of a triangle mesh, give each limb's middle; joints lie where it
     bends, narrows or meets the body, and where a body's proportions put them. Joints have humanoid names. Saved beside
-    its mesh as NAME.rig.json, the file makes NAME.obj a character for every command. Correct a joint by changing its
-    `head` in the file and giving that to --joints.
+    its mesh as NAME.rig.json, the file makes NAME.obj a character for every command. Given further poses of the same
+    mesh, each joint is taken from the pose that bends it most. Correct a joint by changing its `head` in the file and
+    giving that to --joints.
     """
     from capture.raster import save_png
-    from deformation.auto_rig import RigNotFound, RigSettings, rig_mesh, with_joints
+    from capture.rig_view import RigView, rig_picture
+    from deformation.auto_rig import RigNotFound, RigSettings, with_joints
     from deformation.auto_rig_file import read_joints, write_rig
+    from deformation.auto_rig_poses import rig_poses
 
+    settings = RigSettings(template, curves, matching)
     if out.parent != Path() and not out.parent.is_dir():
         raise FileError(f"{out}: the folder {out.parent} does not exist")
-    body, unit, shift, notes = _placed(mesh, unit_m)
+    if show:
+        _check_display()
+    mesh = meshes[0]
+    file = _placed(mesh, unit_m)
+    poses = [file.mesh, *(_pose(path, file, mesh) for path in meshes[1:])]
     try:
-        found = rig_mesh(body, RigSettings(template))
+        found = rig_poses(poses, settings)
     except RigNotFound as error:
-        shown = out.with_suffix(".png")
-        save_png(_picture(body, None, error.tips), shown)
+        shown, view = out.with_suffix(".png"), RigView(file.mesh, None, error.tips, f"{mesh.name}: {error}")
+        save_png(rig_picture(view), shown)
+        if show:
+            _show(view)
         raise FileError(f"{mesh}: {error}; {shown} shows what was found") from None
     if joints is not None:
-        found = with_joints(found, {name: place * unit + shift for name, place in read_joints(joints).items()})
-    write_rig(found, out, unit, shift)
+        moved = {name: place * file.unit_m + file.shift for name, place in read_joints(joints).items()}
+        found = with_joints(found, moved)
+    write_rig(found, out, file.unit_m, file.shift)
+    view = RigView(file.mesh, found, title=mesh.name)
     if picture:
-        save_png(_picture(body, found), out.with_suffix(".png"))
-    for note in (*notes, *found.notes):
+        save_png(rig_picture(view), out.with_suffix(".png"))
+    for note in (*file.notes, *found.notes):
         print(note)
-    print(f"{found.template} of {len(found.rig.skeleton)} joints in {len(body.vertices)} vertices: {out}")
+    print(f"{found.template} of {len(found.rig.skeleton)} joints in {len(file.mesh.vertices)} vertices: {out}")
+    if show:
+        _show(view)
 
 
 def inbetween(
@@ -93,60 +135,49 @@ def inbetween(
     print(f"{count} shapes of {len(meshes[0].vertices)} vertices: {out}")
 
 
-def _placed(path: Path, unit_m: float | None) -> tuple["Mesh", float, "NDArray[np.float64]", tuple[str, ...]]:
-    """The mesh in metres on the floor, the unit and shift (3,) that put it there, and lines on what was mended."""
+def _placed(path: Path, unit_m: float | None) -> "_PlacedMesh":
+    """The mesh in metres on the floor, as the file has it turned."""
     import numpy as np
 
-    from deformation.character_files import read_character
+    from deformation.character_files import Placement, read_character
     from deformation.mesh_files import read_mesh
     from deformation.mesh_repair import in_metres, repaired
 
     if path.suffix.lower() in (".glb", ".gltf", ".vrm"):
         file = read_character(path, unit_m)
-        return file.mesh, 1.0, np.zeros(3), file.notes
+        assert file.placement is not None
+        return _PlacedMesh(file.mesh, 1.0, np.zeros(3), file.placement, file.notes)
     raw = read_mesh(path)
     unit, note = (unit_m, None) if unit_m is not None else in_metres(raw.vertices, path.name)
     mended = repaired(raw.with_vertices(raw.vertices * unit), path.name)
     shift = np.array([0.0, -mended.mesh.vertices[:, 1].min(), 0.0])
-    notes = (*([note] if note else []), *mended.notes)
-    return mended.mesh.with_vertices(mended.mesh.vertices + shift), unit, shift, notes
+    placement = Placement(len(raw.vertices), np.eye(3) * unit, mended.kept, shift)
+    mesh = mended.mesh.with_vertices(mended.mesh.vertices + shift)
+    return _PlacedMesh(mesh, unit, shift, placement, (*([note] if note else []), *mended.notes))
 
 
-def _picture(mesh: "Mesh", found: "AutoRig | None", tips: "NDArray[np.float64] | None" = None) -> "NDArray[np.uint8]":
-    """(H, W, 3) sRGB: the mesh from before and from its left, rings, centre lines and skeleton in it."""
-    import numpy as np
+def _pose(path: Path, file: "_PlacedMesh", first: Path) -> "Mesh":
+    """Another pose of the mesh, on the floor by itself."""
+    from deformation.mesh_files import read_mesh
 
-    from capture.raster import contact_sheet, render
-    from capture.scene import Camera, Lines, Scene, Spheres, Surface, skeleton_marks
-
-    scale = 1.75 / float(np.ptp(mesh.vertices[:, 1]))
-    skin = Surface(mesh.vertices * scale, mesh.triangulated, opacity=0.55)
-    lines: list[Lines] = []
-    balls: list[Spheres] = []
-    if tips is not None:
-        balls.append(Spheres(tips * scale, 0.03, (0.85, 0.22, 0.20), through=0.8))
-    if found is not None:
-        lines += _curve_lines(mesh, found, scale)
-        bones, joints = skeleton_marks(found.rig.skeleton, found.rig.bind[:, :3, 3] * scale)
-        lines.append(bones)
-        balls.append(joints)
-    views = [Scene((skin,), tuple(lines), tuple(balls), Camera(yaw=yaw)).framed(1.0) for yaw in (0.35, 1.45)]
-    return contact_sheet([render(view, 640, 640) for view in views], 2)
+    vertices = read_mesh(path).vertices
+    if len(vertices) != file.placement.count:
+        raise FileError(
+            f"{path}: {len(vertices)} vertices where {first} has {file.placement.count}: use poses of the same mesh"
+        )
+    placed = file.placement.placed(vertices)
+    return file.mesh.with_vertices(placed - [0.0, placed[:, 1].min(), 0.0])
 
 
-def _curve_lines(mesh: "Mesh", found: "AutoRig", scale: float) -> list:
-    """The rings of the tubes, faint, and the limbs' middles."""
-    import numpy as np
+def _check_display() -> None:
+    from capture.viewer import has_display
 
-    from capture.scene import Lines
+    if not has_display():
+        raise SixpointError("no display here for --show; the picture beside the RIG.json shows the same")
 
-    parts = []
-    if found.curves is not None and found.tubes is not None and len(found.tubes.curves):
-        rings = [found.curves.curve(int(number)) for number in found.tubes.curves]
-        segments = np.concatenate([np.stack([ring, np.roll(ring, -1)], axis=1) for ring in rings])
-        parts.append(Lines(mesh.vertices * scale, segments, (0.16, 0.52, 0.66), width=0.8, opacity=0.5))
-    for line in found.lines.values():
-        steps = np.arange(len(line.points) - 1)
-        segments = np.stack([steps, steps + 1], axis=1).astype(np.int32)
-        parts.append(Lines(line.points * scale, segments, (0.2, 0.45, 0.9), width=1.6, through=0.5))
-    return parts
+
+def _show(view: "RigView") -> None:
+    from capture.viewer import show as show_window
+    from capture.viewing import Layers
+
+    show_window(view, title=f"sixpoint rig: {view.title}", layers=Layers(skeleton=True, curves=True))

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from capture.commands.rig import inbetween, rig
+from capture.viewing import Layers
 from deformation.character_files import bound_character, read_character
 from deformation.inbetween_files import write_shapes
 from deformation.mannequin import mannequin
 from deformation.mesh import Mesh
 from deformation.mesh_files import read_mesh
-from devices.errors import FileError
+from devices.errors import FileError, SixpointError
 from reconstruction.standard_body import standard_skeleton
 from tests.deformation.bodies import box
 
@@ -27,7 +28,7 @@ def folder(tmp_path_factory) -> Path:
 
 def test_a_rigged_mesh_is_a_character(folder: Path) -> None:
     body = folder / "poses" / "0000.obj"
-    rig(body, folder / "poses" / "0000.rig.json")
+    rig([body], folder / "poses" / "0000.rig.json")
     assert (folder / "poses" / "0000.rig.png").stat().st_size > 10_000
     content = json.loads((folder / "poses" / "0000.rig.json").read_text())
     assert content["format"] == "sixpoint-rig 1"
@@ -41,16 +42,48 @@ def test_a_rigged_mesh_is_a_character(folder: Path) -> None:
 def test_a_joint_moved_in_a_file_moves(folder: Path) -> None:
     body, own = folder / "poses" / "0000.obj", folder / "own.json"
     own.write_text(json.dumps({"bones": [{"name": "left_lower_leg", "head": [15.0, 50.0, 2.0]}]}))
-    rig(body, folder / "moved.json", joints=own, picture=False)
+    rig([body], folder / "moved.json", joints=own, picture=False)
     heads = {bone["name"]: bone["head"] for bone in json.loads((folder / "moved.json").read_text())["bones"]}
     assert heads["left_lower_leg"] == pytest.approx([15.0, 50.0, 2.0], abs=1e-4)
     assert not (folder / "moved.png").exists()
 
 
+def test_more_poses_are_of_the_same_mesh(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = [folder / "poses" / "0000.obj", folder / "poses" / "0001.obj"]
+    rig(poses, tmp_path / "both.json", picture=False)
+    assert "human of" in capsys.readouterr().out
+    other = box((0, 0, 0), (1, 1, 1))
+    write_shapes(other, [other.vertices], tmp_path / "box")
+    with pytest.raises(FileError, match="use poses of the same mesh"):
+        rig([poses[0], tmp_path / "box" / "0000.obj"], tmp_path / "none.json")
+
+
+def test_a_window_needs_a_display(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    with pytest.raises(SixpointError, match="no display"):
+        rig([folder / "poses" / "0000.obj"], tmp_path / "rig.json", show=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_window_shows_what_was_found(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = []
+    monkeypatch.setattr("capture.viewer.has_display", lambda: True)
+    monkeypatch.setattr("capture.viewer.show", lambda view, **_: shown.append(view))
+    rig([folder / "poses" / "0000.obj"], tmp_path / "rig.json", show=True, picture=False)
+    scene = shown[0].scene(0.0, Layers(skeleton=True, curves=True))
+    assert len(scene.surfaces) == 1
+    assert len(scene.lines) > 5
+    assert scene.status
+    bare = shown[0].scene(0.0, Layers(skin=False, statistics=False))
+    assert (bare.surfaces, bare.lines, bare.spheres, bare.status) == ((), (), (), ())
+
+
 def test_what_cannot_be_rigged_is_shown(tmp_path: Path) -> None:
     write_shapes(box((0, 0, 0), (1, 1, 1)), [box((0, 0, 0), (1, 1, 1)).vertices], tmp_path / "box")
     with pytest.raises(FileError, match=r"rig\.png shows what was found"):
-        rig(tmp_path / "box" / "0000.obj", tmp_path / "rig.json")
+        rig([tmp_path / "box" / "0000.obj"], tmp_path / "rig.json")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["box", "rig.png"]
 
 
