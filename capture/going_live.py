@@ -77,6 +77,10 @@ def solve_live(
         pipeline = make_pipeline(config, progress)
     with progress_bar("loading kernels"):
         pipeline.warm_up()
+        if shown:
+            from capture.live_window import prepare_overlays
+
+            prepare_overlays(pipeline)
     with (
         open_streams(config, pipeline) as streams,
         opened(config) as devices,

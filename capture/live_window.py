@@ -3,12 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
+from capture.curve_marks import curve_strokes
 from capture.figures_table import Rate, Refreshed, joined, latency_rows, standing_legend, tracker_rows
 from capture.ghosts import Ghosts
 from capture.guide import CalibrationGuide
 from capture.panel import TuningPanel
 from capture.pipeline import Pipeline
-from capture.scene import Badge, Camera, Colour, Scene
+from capture.scene import Badge, Camera, Colour, Scene, beside_banner
 from capture.session import Session
 from capture.stage import Stage
 from capture.take_desk import TakeDesk
@@ -62,14 +65,16 @@ class SessionSource:
             standings=shot.standings,
             ghosts=ghosts,
         )
-        return replace(
+        scene = replace(
             scene,
             badges=self._badges(),
             figures=self._figures.rows() if layers.statistics and not self.guide else (),
             legend=standing_legend(shot.standings) if layers.trackers else (),
             panel=self.panel.panel(),
-            banner=self.guide.banner() if self.guide else None,
         )
+        if self.guide is None or self.guide.finished:
+            return scene
+        return replace(beside_banner(scene), banner=self.guide.banner(), panel=None)
 
     def _badges(self) -> tuple[Badge, ...]:
         states = [(d.driver.name, getattr(d.driver, "state", None)) for d in self.session.devices]
@@ -98,6 +103,14 @@ def session_actions(source: SessionSource, pipeline: Pipeline) -> Mapping[str, A
     takes = source.desk.actions() if source.desk else {}
     guide = source.guide.actions() if source.guide else {}
     return {**takes, **clip, **poke, **source.panel.actions(), **guide}
+
+
+def prepare_overlays(pipeline: Pipeline) -> None:
+    """Has made what overlays are drawn of, so that no key holds up the session while a kernel is compiled."""
+    if pipeline.cast is not None:
+        curve_strokes(pipeline.cast.character.mesh)
+    reconstructor = pipeline.reconstructor
+    Ghosts(reconstructor.database, reconstructor.skeleton).joints(np.ones(2, np.int64), np.zeros(3))
 
 
 def show_session(

@@ -197,8 +197,8 @@ class Timeline:
 class Scene:
     """All that one picture shows.
 
-    title: top left, badges under it; status: lines at the bottom left; legend: at the bottom right; banner: in the
-    upper middle; panel: on the left. figures: a table at the top right, tabs between its columns, its first row the
+    title: top left, badges under it; status: lines at the bottom left; legend: at the bottom right; banner, panel: on
+    the left. figures: a table at the top right, tabs between its columns, its first row the
     heading. keys: over everything, a tab between key and meaning, lines without one are headings.
     """
 
@@ -292,6 +292,13 @@ def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
         spheres=a.spheres + b.spheres,
         camera=replace(left.camera, distance=1.25 * left.camera.distance),
     )
+
+
+def beside_banner(scene: Scene) -> Scene:
+    """The scene a little to the right, so that who follows the banner sees themselves beside it."""
+    camera = scene.camera
+    target = np.array(camera.target) - 0.18 * camera.distance * camera.axes[0]
+    return replace(scene, camera=replace(camera, target=(float(target[0]), float(target[1]), float(target[2]))))
 
 
 def _moved(scene: Scene, by: NDArray[np.float64]) -> Scene:

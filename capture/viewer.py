@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.raster import PlacedCard, lit_colours, placed_cards
 from capture.scene import Camera, Floor, Lines, Scene, Spheres, Surface, Timeline
-from capture.viewing import Action, Controls, FrameSource, Layers, Playback, still
+from capture.viewing import HELD_KEYS, Action, Controls, FrameSource, Layers, Playback, still
 from capture.window_process import show_apart
 from devices.errors import SixpointError
 
@@ -264,7 +264,7 @@ class _Window:
 
     def _key_listener(self, name: str) -> Any:
         def pressed(_vis: object, action: int, _modifiers: int) -> bool:
-            if action in (1, 2):  # pressed, or repeated while held
+            if action == 1 or (action == 2 and name in HELD_KEYS):  # pressed, or repeated while held
                 self._controls.press(name)
             return False
 

@@ -55,6 +55,10 @@ class FrameSource(Protocol):
         ...
 
 
+HELD_KEYS = frozenset(["Left", "Right", "Up", "Down", *",.[]ADWS+-N"])
+"""Keys that go on while they are held; any other is pressed once."""
+
+
 def _always() -> bool:
     return True
 

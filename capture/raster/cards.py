@@ -22,6 +22,8 @@ _ACCENT, _ACCENT_PALE = (38, 103, 190), (214, 227, 244)
 _TRACK = (205, 211, 220)
 _SMALL = 0.78
 """Letter height of tables over that of the rest."""
+_BANNER = 0.66
+"""The most that a line of a banner is long, over the height of the picture: the performer stands beside it."""
 _MOST_KEPT = 96
 
 
@@ -137,10 +139,10 @@ def panel_card(panel: Panel, height: int) -> Card:
 @lru_cache(maxsize=_MOST_KEPT)
 def banner_card(banner: Banner, height: int) -> Card:
     """A framed instruction in large letters, a count in huge ones, lines under it, and a bar of how much is done."""
-    plain = letter_height(height)
-    rows = [(line, round(1.8 * plain), _INK) for line in _wrapped(banner.text, round(1.8 * plain), height)]
+    plain, most = letter_height(height), _BANNER * height
+    rows = [(line, round(1.8 * plain), _INK) for line in _wrapped(banner.text, round(1.8 * plain), most)]
     rows += [(banner.count, 4 * plain, _ACCENT)] if banner.count else []
-    rows += [(line, plain, _PALE) for text in banner.below for line in _wrapped(text, plain, height)]
+    rows += [(line, plain, _PALE) for text in banner.below for line in _wrapped(text, plain, most)]
     width = max(*(_length(text, _font(size)) for text, size, _ in rows), 14 * plain)
     bar = plain if banner.share is not None else 0
     card, draw = _framed(width + 2 * plain, sum(round(1.35 * size) for _, size, _ in rows) + bar + 2 * plain)

@@ -65,7 +65,7 @@ def placed_cards(scene: Scene, width: int, height: int, background: Colour) -> l
     if scene.panel is not None and scene.panel.rows:
         put(panel_card(scene.panel, height), 0, 0.45, True)
     if scene.banner is not None:
-        put(banner_card(scene.banner, height), 0.5, 0.12, True)
+        put(banner_card(scene.banner, height), 0, 0.45, True)
     if scene.keys:
         put(keys_card(scene.keys, height), 0.5, 0.5, True)
     return placed
