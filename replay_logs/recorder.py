@@ -13,45 +13,21 @@ from mcap.writer import CompressionType, Writer
 
 from devices.driver import Reading
 from devices.errors import FileError, SettingError
-from devices.sample import TrackerSample
+from devices.room import RoomTransform
+from replay_logs.foxglove import (
+    FRAMES_TOPIC,
+    LOG_SCHEMA,
+    POSE_SCHEMA,
+    ROOM_FRAME,
+    TRANSFORM_SCHEMA,
+    UPRIGHT,
+    frame_message,
+    mark_message,
+    pose_message,
+)
 from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, SETTINGS_TOPIC, RecordedDevice
 
 _FLUSH_EVERY_NS = 150_000_000
-_NUMBER = {"type": "number"}
-_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
-
-
-def _object(**properties: object) -> dict[str, object]:
-    return {"type": "object", "properties": properties}
-
-
-POSE_SCHEMA = {
-    "$comment": "The JSON form of Foxglove's PoseInFrame, docs.foxglove.dev/docs/sdk/schemas/pose-in-frame.",
-    "title": "foxglove.PoseInFrame",
-    **_object(
-        timestamp=_TIME,
-        frame_id={"type": "string"},
-        pose=_object(
-            position=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
-            orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
-        ),
-    ),
-}
-
-LOG_SCHEMA = {
-    "$comment": "The JSON form of Foxglove's Log, docs.foxglove.dev/docs/sdk/schemas/log.",
-    "title": "foxglove.Log",
-    **_object(
-        timestamp=_TIME,
-        level={"type": "integer"},
-        message={"type": "string"},
-        name={"type": "string"},
-        file={"type": "string"},
-        line={"type": "integer"},
-    ),
-}
-_INFO = 2
-"""`foxglove.LogLevel` of what is told, no warning."""
 
 
 class TakeRecorder:
@@ -72,10 +48,10 @@ class TakeRecorder:
         self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._writer.start(profile="sixpoint")
         self._writer.add_metadata(METADATA_NAME, _about() | dict(metadata or {}))
-        self._schema = self._writer.register_schema(
-            "foxglove.PoseInFrame", "jsonschema", json.dumps(POSE_SCHEMA).encode()
-        )
+        self._schemas: dict[str, int] = {}
         self._raw: dict[str, int] = {}
+        self._unplaced: dict[str, RoomTransform] = {}
+        self._frames: int | None = None
         self._poses: dict[tuple[str, str], int] = {}
         self._marks: int | None = None
         self._settings: int | None = None
@@ -90,10 +66,13 @@ class TakeRecorder:
         self._raw[device.name] = self._writer.register_channel(
             f"/devices/{device.name}/raw", RAW_ENCODING, 0, device.to_metadata()
         )
+        self._unplaced[device.name] = device.room
 
     def write(self, device: str, reading: Reading) -> None:
         """Keeps what one `read` of a device brought. Raises FileError where the disk will not take it."""
         with self._told():
+            if device in self._unplaced and reading.chunks:
+                self._place(device, reading.chunks[0].host_time_ns)
             for chunk in reading.chunks:
                 self._writer.add_message(self._raw[device], chunk.host_time_ns, chunk.data, chunk.host_time_ns)
             for sample in reading.samples:
@@ -109,8 +88,7 @@ class TakeRecorder:
         """Notes that something was at that host time, on the thread that writes. Raises FileError as `write` does."""
         with self._told():
             if self._marks is None:
-                schema = self._writer.register_schema("foxglove.Log", "jsonschema", json.dumps(LOG_SCHEMA).encode())
-                self._marks = self._writer.register_channel(MARKS_TOPIC, "json", schema)
+                self._marks = self._writer.register_channel(MARKS_TOPIC, "json", self._schema(LOG_SCHEMA))
             self._writer.add_message(self._marks, time_ns, mark_message(time_ns, text), time_ns)
 
     def settings(self, time_ns: int, values: Mapping[str, float | bool]) -> None:
@@ -169,32 +147,27 @@ class TakeRecorder:
     ) -> None:
         self.close()
 
+    def _place(self, device: str, time_ns: int) -> None:
+        """Tells other programs where a device stands, and the first time also which way is up."""
+        if self._frames is None:
+            self._frames = self._writer.register_channel(FRAMES_TOPIC, "json", self._schema(TRANSFORM_SCHEMA))
+            self._writer.add_message(self._frames, time_ns, frame_message(time_ns, *UPRIGHT), time_ns)
+        placed = frame_message(time_ns, ROOM_FRAME, device, self._unplaced.pop(device))
+        self._writer.add_message(self._frames, time_ns, placed, time_ns)
+
+    def _schema(self, schema: Mapping[str, object]) -> int:
+        name = str(schema["title"])
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        return self._schemas[name]
+
     def _pose_channel(self, device: str, tracker: str) -> int:
         key = (device, tracker)
         if key not in self._poses:
-            self._poses[key] = self._writer.register_channel(f"/trackers/{device}/{tracker}", "json", self._schema)
+            self._poses[key] = self._writer.register_channel(
+                f"/trackers/{device}/{tracker}", "json", self._schema(POSE_SCHEMA)
+            )
         return self._poses[key]
-
-
-def pose_message(frame: str, sample: TrackerSample) -> bytes:
-    """A sample as a `foxglove.PoseInFrame` JSON message; without an orientation it is the identity."""
-    x, y, z = sample.position or (0.0, 0.0, 0.0)
-    qx, qy, qz, qw = sample.orientation or (0.0, 0.0, 0.0, 1.0)
-    sec, nsec = divmod(sample.host_time_ns, 1_000_000_000)
-    return (
-        f'{{"timestamp":{{"sec":{sec},"nsec":{nsec}}},"frame_id":{json.dumps(frame)},'
-        f'"pose":{{"position":{{"x":{x:.6f},"y":{y:.6f},"z":{z:.6f}}},'
-        f'"orientation":{{"x":{qx:.6f},"y":{qy:.6f},"z":{qz:.6f},"w":{qw:.6f}}}}}}}'
-    ).encode()
-
-
-def mark_message(time_ns: int, text: str) -> bytes:
-    """A mark as a `foxglove.Log` JSON message."""
-    sec, nsec = divmod(time_ns, 1_000_000_000)
-    stamp = {"sec": sec, "nsec": nsec}
-    return json.dumps(
-        {"timestamp": stamp, "level": _INFO, "message": text, "name": "mark", "file": "", "line": 0}
-    ).encode()
 
 
 def _about() -> dict[str, str]:

@@ -41,6 +41,8 @@ RAW_ENCODING = "x-sixpoint-raw"
 MARKS_TOPIC = "/marks"
 SETTINGS_TOPIC = "/settings"
 _RECORD_HEAD = struct.Struct("<BQ")
+_FIRST_PRIVATE_OPCODE = 0x80
+"""From here on applications may have records of their own (MCAP specification, "Opcodes")."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +231,12 @@ class _Records:
 
 
 def _content(opcode: int, body: bytes) -> list[McapRecord]:
-    """What of a record matters here: the records inside a chunk whose checksum holds, and metadata."""
+    """What of a record matters here: the records inside a chunk whose checksum holds, and metadata.
+
+    Raises ValueError for a kind of record that MCAP does not have: a chunk whose first byte is damaged.
+    """
+    if opcode < _FIRST_PRIVATE_OPCODE:
+        Opcode(opcode)
     if opcode == Opcode.CHUNK:
         return breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
     return [Metadata.read(_stream(body))] if opcode == Opcode.METADATA else []
