@@ -1,11 +1,17 @@
 """The mesh on the lattice: vertices ride in their cells, and faces give normals."""
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from deformation.kernel import kernel
 from deformation.lattice import Lattice
-from deformation.mesh import Mesh
+from deformation.mesh import Mesh, vertex_normals
+
+_SAME_WAY = np.cos(np.radians(40))
+"""Vertices in one place whose normals are this near to their mean are one vertex cut by a seam."""
 
 
 def interpolate_reference(lattice: Lattice, particles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -13,11 +19,39 @@ def interpolate_reference(lattice: Lattice, particles: NDArray[np.float64]) -> N
     return np.einsum("vk,vki->vi", lattice.vertex_weights, particles[lattice.cells[lattice.vertex_cells]])
 
 
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """Vertices that a file has more than once, for their textures, and that are one for the light.
+
+    members: (M,) int32 vertices, seam by seam; first: (S + 1,) int32 where each seam point's begin.
+    """
+
+    first: NDArray[np.int32]
+    members: NDArray[np.int32]
+
+
+def seams(mesh: Mesh) -> Seams:
+    """The vertices in one place whose faces look nearly the same way; at a hard edge they do not, and it stays hard."""
+    place = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)
+    shared = np.bincount(place)[place] > 1
+    if not shared.any():
+        return Seams(np.zeros(1, np.int32), np.empty(0, np.int32))
+    normals = vertex_normals(mesh.vertices, mesh.triangulated)
+    total = np.zeros((place.max() + 1, 3))
+    np.add.at(total, place[shared], normals[shared])
+    mean = total[place] / np.maximum(np.linalg.norm(total[place], axis=1, keepdims=True), 1e-12)
+    shared &= np.einsum("vi,vi->v", normals, mean) > _SAME_WAY
+    shared &= np.bincount(place[shared], minlength=len(total))[place] > 1
+    members = np.flatnonzero(shared)[np.argsort(place[shared], kind="stable")]
+    first = np.flatnonzero(np.diff(place[members], prepend=-1))
+    return Seams(np.append(first, len(members)).astype(np.int32), members.astype(np.int32))
+
+
 class Surface:
     """Carries a mesh with its lattice. Holds what the kernels need in the order they walk through it."""
 
     def __init__(self, mesh: Mesh, lattice: Lattice) -> None:
-        self._quads, self._triangles = mesh.quads, mesh.triangles
+        self._quads, self._triangles, self._seams = mesh.quads, mesh.triangles, seams(mesh)
         self._cells = lattice.cells
         self._order = np.argsort(lattice.vertex_cells, kind="stable").astype(np.int32)
         self._first = np.searchsorted(lattice.vertex_cells[self._order], np.arange(len(lattice.cells) + 1)).astype(
@@ -30,8 +64,8 @@ class Surface:
         _ride(particles, self._cells, self._first, self._order, self._fractions, out)
 
     def normals(self, vertices: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Writes area-weighted unit normals (V, 3)."""
-        _normals(vertices, self._quads, self._triangles, out)
+        """Writes area-weighted unit normals (V, 3), one at each seam."""
+        _normals(vertices, self._quads, self._triangles, self._seams.first, self._seams.members, out)
 
 
 @kernel
@@ -64,7 +98,7 @@ def _ride(particles, cells, first, order, fractions, out):
 
 
 @kernel
-def _normals(vertices, quads, triangles, out):
+def _normals(vertices, quads, triangles, seam_first, seam_members, out):
     """Adds each face's area vector to its corners: a quad's is half the cross product of its diagonals."""
     out[:] = 0.0
     for q in range(len(quads)):
@@ -85,6 +119,14 @@ def _normals(vertices, quads, triangles, out):
             out[n, 0] += x
             out[n, 1] += y
             out[n, 2] += z
+    for s in range(len(seam_first) - 1):
+        x, y, z = 0.0, 0.0, 0.0
+        for m in range(seam_first[s], seam_first[s + 1]):
+            n = seam_members[m]
+            x, y, z = x + out[n, 0], y + out[n, 1], z + out[n, 2]
+        for m in range(seam_first[s], seam_first[s + 1]):
+            n = seam_members[m]
+            out[n, 0], out[n, 1], out[n, 2] = x, y, z
     for n in range(len(out)):
         size = np.sqrt(out[n, 0] ** 2 + out[n, 1] ** 2 + out[n, 2] ** 2)
         scale = 1.0 / size if size > 0 else 0.0
@@ -94,7 +136,7 @@ def _normals(vertices, quads, triangles, out):
 
 
 def normals_reference(mesh: Mesh, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Area-weighted unit normals (V, 3) in plain NumPy; zero where a vertex has no face of any area."""
+    """Area-weighted unit normals (V, 3) in plain NumPy, one at each seam; zero where no face has any area."""
     total = np.zeros_like(vertices)
     a, b, c, d = (vertices[mesh.quads[:, k]] for k in range(4))
     area = np.cross(c - a, d - b)
@@ -104,5 +146,9 @@ def normals_reference(mesh: Mesh, vertices: NDArray[np.float64]) -> NDArray[np.f
     area = np.cross(b - a, c - a)
     for k in range(3):
         np.add.at(total, mesh.triangles[:, k], area)
+    welded = seams(mesh)
+    for first, stop in pairwise(welded.first):
+        members = welded.members[first:stop]
+        total[members] = total[members].sum(axis=0)
     size = np.linalg.norm(total, axis=1, keepdims=True)
     return np.divide(total, size, out=np.zeros_like(total), where=size > 0)
