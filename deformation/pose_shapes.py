@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from deformation.beam import BeamSettings, BeamSkin
-from deformation.inbetween import skin_curves
+from deformation.inbetween_skin import skin_curves
 from deformation.isocurves import IsoCurves
 from deformation.kernel import kernel
 from deformation.mesh import Mesh

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deformation.beam import BeamSettings, BeamSkin, deforming_reference, fourth_difference, spacings
-from deformation.inbetween import ease, inbetween, skin_curves
+from deformation.inbetween import ease, inbetween
+from deformation.inbetween_skin import skin_curves
 from deformation.inbetween_target import turning_way
 from deformation.isocurves import IsoCurves, iso_curves
 from devices.errors import SettingError
