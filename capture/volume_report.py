@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from deformation.character import Character
+from deformation.character import Character, LatticeSettings, mannequin_character
 from deformation.deformer import Deformer, DeformSettings
 from deformation.mesh import volume
 from deformation.skinning import joint_motion, linear_blend
@@ -14,6 +14,7 @@ from deformation.surface import interpolate_reference
 from deformation.volume import part_volumes
 from reconstruction.kinematics import world_transforms
 from reconstruction.skeleton import Skeleton
+from reconstruction.standard_body import standard_skeleton
 
 Turns = dict[str, tuple[float, float, float]]
 
@@ -39,6 +40,12 @@ def posed(skeleton: Skeleton, turns: Turns) -> NDArray[np.float64]:
     for bone, vector in turns.items():
         rotations[skeleton.humanoid[bone]] = Rotation.from_rotvec(vector, degrees=True).as_quat()
     return world_transforms(skeleton, skeleton.offsets[0], rotations)
+
+
+def mannequin_report(resolution: str = "high", particles: int | None = None) -> list[dict]:
+    """`volume_report` of the mannequin on the standard body."""
+    settings = LatticeSettings(particles=particles)
+    return volume_report(mannequin_character(standard_skeleton(), resolution, settings=settings))
 
 
 def volume_report(character: Character) -> list[dict]:

@@ -10,20 +10,24 @@ from capture.commands.options import AsJson, Database
 
 def deform(
     frames: Annotated[int, typer.Option(min=50, help="Frames to time at each size.")] = 600,
+    volume: Annotated[bool, typer.Option("--volume", help="Instead: how volume is kept in hard poses.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure the deformation at the lattice paper's four sizes, stage by stage, beside its Table I."""
     from rich.console import Console
 
-    from capture.deform_benchmark import benchmark, table
+    from capture import deform_benchmark, volume_report
     from capture.progress import progress_bar
 
     with progress_bar("binding and deforming") as progress:
-        rows = benchmark(frames=frames, progress=progress)
+        if volume:
+            rows = volume_report.mannequin_report()
+        else:
+            rows = deform_benchmark.benchmark(frames=frames, progress=progress)
     if as_json:
         print(json.dumps(rows))
     else:
-        Console(width=150).print(table(rows))
+        Console(width=150).print(volume_report.volume_table(rows) if volume else deform_benchmark.table(rows))
 
 
 def rig(as_json: AsJson = False) -> None:
