@@ -15,7 +15,9 @@ from capture.device_settings import device_settings
 from capture.director import make_director
 from capture.library import open_named_database
 from capture.pipeline import Pipeline, Shot
+from capture.profiles import profile_path
 from capture.session import Session, SessionDevice
+from capture.solve_settings import CALIBRATION
 from capture.solving import performer
 from capture.streaming import open_stream
 from capture.tuning import LiveSetting, Tuning
@@ -88,7 +90,10 @@ def filters_of(config: DeviceConfig, filters_itself: bool) -> tuple[GateSettings
 
 def start_recording(path: Path, config: SessionConfig, devices: Sequence[OpenDevice]) -> TakeRecorder:
     """A new take that knows the session and its devices. Raises FileError where it cannot be written."""
-    recorder = TakeRecorder(path, {"session": commented_config(config)})
+    told = {"session": commented_config(config)}
+    if config.performer.profile:
+        told[CALIBRATION] = profile_path(config.performer.profile).read_text(encoding="utf-8")
+    recorder = TakeRecorder(path, told)
     for device in devices:
         recorder.add_device(device.recorded)
     return recorder

@@ -40,14 +40,19 @@ def load_profile(name_or_path: str | Path) -> Profile:
 
     Raises FileError, which for an unknown name lists those there are.
     """
+    return Profile.read(profile_path(name_or_path))
+
+
+def profile_path(name_or_path: str | Path) -> Path:
+    """Where the profile of that name is, or the path itself. Raises FileError for an unknown name."""
     text = str(name_or_path)
     if text.endswith(".json") or "/" in text or "\\" in text:
-        return Profile.read(text)
+        return Path(text)
     path = _path(text)
     if not path.is_file():
         known = ", ".join(performer.name for performer in list_profiles()) or "none"
         raise FileError(f"no performer {text!r} (known: {known}); make one with 'sixpoint calibrate --name {text}'")
-    return Profile.read(path)
+    return path
 
 
 def list_profiles() -> list[KnownPerformer]:

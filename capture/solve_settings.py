@@ -22,6 +22,8 @@ _SESSION_KEYS = (
     *(f"character.{name}" for name in CharacterConfig.model_fields),
 )
 """The keys of `session.toml` that a solved take depends on; the solver's own are those of `SolverSettings`."""
+CALIBRATION = "calibration"
+"""The key of a take's metadata that holds the text of the performer's profile."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,14 @@ class SolveSettings:
     """Everything that the poses of a take follow from, beside its bytes.
 
     session: only what was said counts; what was not is the database's body, our own library, the mannequin.
+    calibration: what the session's profile said, where the take holds it; its place may be on another machine.
     device: by device and key of `INTAKE_SETTINGS`, what stands in place of the take's own settings.
     trackers: the roles that are used, with commas between; all where None.
     """
 
     session: SessionConfig = field(default_factory=SessionConfig)
     solver: SolverSettings = field(default_factory=SolverSettings)
+    calibration: str = ""
     device: Mapping[str, Mapping[str, float | bool]] = field(default_factory=dict)
     trackers: str | None = None
 
@@ -76,7 +80,7 @@ def recorded_settings(take: Take) -> SolveSettings:
         value = getattr(getattr(config, section), name)
         if value != getattr(getattr(default, section), name):
             settings = _with(settings, key, value)
-    return settings
+    return replace(settings, calibration=take.metadata.get(CALIBRATION, "") if settings.profile else "")
 
 
 def settings_for(take: Path, given: Mapping[str, object]) -> SolveSettings:
@@ -129,6 +133,10 @@ def _with_all(settings: SolveSettings, changes: Iterable[tuple[str, object]]) ->
 def _with(settings: SolveSettings, key: str, value: object) -> SolveSettings:
     section, _, name = key.partition(".")
     if key in _SESSION_KEYS:
+        if section == "performer":  # what is said last of the body counts: another profile, or a stature instead
+            settings = replace(settings, calibration="")
+            if name == "height_m" and settings.profile:
+                settings = replace(settings, session=_session_with(settings.session, section, "profile", ""))
         return replace(settings, session=_session_with(settings.session, section, name, value))
     if key == "trackers":
         return replace(settings, trackers=str(value))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -73,7 +74,7 @@ def solve_with(
     Raises FileError and SettingError.
     """
     frames = frames_with(take, database.fps, settings)
-    body = performer(database, settings.height_m, settings.profile or None)
+    body = _performer_of(database, settings)
     solver = Reconstructor(database, body.skeleton, settings.solver, mounting=body.mounting)
     return SolvedTake(frames, solver.solve_take(frames, progress))
 
@@ -102,6 +103,16 @@ class Performer:
 
     skeleton: Skeleton
     mounting: Mounting | None = None
+
+
+def _performer_of(database: MotionDatabase, settings: SolveSettings) -> Performer:
+    """As the settings say, by the calibration that a take holds where there is one."""
+    if not settings.calibration:
+        return performer(database, settings.height_m, settings.profile or None)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{Path(settings.profile).stem}.json"
+        path.write_text(settings.calibration, encoding="utf-8")
+        return performer(database, profile=path)
 
 
 def performer(database: MotionDatabase, height_m: float | None = None, profile: str | Path | None = None) -> Performer:

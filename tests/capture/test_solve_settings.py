@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from capture.config import SessionConfig, commented_config
+from capture.export import read_npz
+from capture.live import start_recording
 from capture.solve_settings import SolveSettings, allowed_keys, apply_settings, recorded_settings
+from devices.driver import Reading
 from devices.errors import SettingError
 from devices.filters import OneEuroSettings
+from reconstruction.calibration import Profile
+from reconstruction.mounting import Mounting
 from replay_logs.golden_takes import FOLDER
 from replay_logs.retuning import retuned
 from replay_logs.take import SettingsChange, Take, read_take
@@ -112,3 +117,25 @@ def test_a_take_is_read_with_other_filters_than_it_was_recorded_with():
 def test_wrong_filters_are_refused(settings, message):
     with pytest.raises(SettingError, match=message):
         retuned(read_take(FOLDER / "fastrak.mcap"), settings)
+
+
+def test_a_take_holds_the_calibration_it_was_made_with(run, database, tmp_path):
+    profile, kept = tmp_path / "anna.json", tmp_path / "kept.json"
+    Profile({"stature": 1.06, "arms": 0.95}, Mounting.at_the_joints(), 1.0).write(profile)
+    source = read_take(FOLDER / "fastrak.mcap")
+    config = SessionConfig.model_validate({"performer": {"profile": str(profile)}})
+    with start_recording(tmp_path / "a.mcap", config, []) as recorder:
+        recorder.add_device(source.devices[0])
+        recorder.write("fastrak", Reading(source.chunks["fastrak"][:40]))
+    profile.rename(kept)
+    words = ("--database", database, "--out")
+    assert run("reconstruct", tmp_path / "a.mcap", *words, tmp_path / "a.npz")[0] == 0
+    assert run("reconstruct", tmp_path / "a.mcap", *words, tmp_path / "b.npz", "--profile", kept)[0] == 0
+    assert run("reconstruct", tmp_path / "a.mcap", *words, tmp_path / "c.npz", "--height-m", 1.5)[0] == 0
+    own, given, short = (read_npz(tmp_path / f"{name}.npz") for name in "abc")
+    assert np.array_equal(own.skeleton.offsets, given.skeleton.offsets)
+    assert np.array_equal(own.rotations, given.rotations)
+    assert own.skeleton.offsets[5, 1] / short.skeleton.offsets[5, 1] > 1.05
+    status, _, error = run("reconstruct", tmp_path / "a.mcap", *words, tmp_path / "d.npz", "--profile", profile)
+    assert status == 2
+    assert "anna.json" in error
