@@ -10,6 +10,7 @@ from capture.raster import contact_sheet, render
 from capture.scene import CLAY, Camera, Lines, Scene, Spheres, Surface, skeleton_marks
 from capture.viewing import Layers
 from deformation.auto_rig import AutoRig
+from deformation.inbetween_skin import round_tubes
 from deformation.mesh import Mesh
 from reconstruction.skeleton import Skeleton
 
@@ -79,10 +80,11 @@ def _radii(skeleton: Skeleton, places: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def curve_lines(mesh: Mesh, found: AutoRig, scale: float) -> list[Lines]:
-    """The rings of the tubes, faint, and the limbs' middles."""
+    """The rings of the tubes that run around limbs, faint, and the limbs' middles."""
     parts = []
-    if found.curves is not None and found.tubes is not None and len(found.tubes.curves):
-        rings = [found.curves.curve(int(number)) for number in found.tubes.curves]
+    around = [] if found.curves is None or found.tubes is None else round_tubes(mesh, found.curves, found.tubes)
+    if found.curves is not None and around:
+        rings = [found.curves.curve(int(number)) for number in np.concatenate(around)]
         segments = np.concatenate([np.stack([ring, np.roll(ring, -1)], axis=1) for ring in rings])
         parts.append(Lines(mesh.vertices * scale, segments, _RING, width=0.8, opacity=0.5))
     for line in found.lines.values():
