@@ -5,8 +5,10 @@ beside it would miss its time. Here the other process asks for a scene when it i
 answers: nothing piles up, and a slow screen costs pictures, not poses.
 """
 
+import contextlib
 import io
 import multiprocessing
+import os
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from devices.errors import SixpointError
 
 _LOOK_UP_S = 0.05
 _MOST_SHARED = 64
+_NICER = 5
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ def _draw(connection: Connection, opening: _Opening) -> None:
     from capture.viewer import show_here
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the session ends in order, and then the window does
+    _give_way()
     source = _RemoteSource(connection, opening)
     try:
         show_here(
@@ -129,6 +133,13 @@ def _draw(connection: Connection, opening: _Opening) -> None:
     except (EOFError, ConnectionError):
         pass
     connection.close()
+
+
+def _give_way() -> None:
+    """A busy machine shall miss pictures before poses; drawing by software leaves a core to the solver."""
+    with contextlib.suppress(AttributeError, OSError):  # not everywhere
+        os.nice(_NICER)
+    os.environ.setdefault("LP_NUM_THREADS", str(max(1, (os.cpu_count() or 2) - 1)))
 
 
 class _RemoteSource:
