@@ -3,10 +3,11 @@
 A job that kills its process, or loses it, does not take the others with it.
 """
 
+import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any, TypeVar
 
 from devices.errors import SettingError
@@ -37,7 +38,8 @@ def by_processes(work: Callable[[J], R], jobs: Sequence[J], lost: Lost, processe
 
 def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> Generator[R, None, list[J]]:
     """Takes jobs from the end of `waiting`; gives those that were being done when a process died."""
-    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
+    # Ctrl-C reaches the whole group: the parent alone answers it, and ends the others.
+    pool = ProcessPoolExecutor(processes, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
     asked: dict[Future[R], J] = {}
     broken: list[J] = []
     alive = True
@@ -57,6 +59,10 @@ def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> G
                 except BrokenProcessPool:
                     broken.append(job)
                     alive = False
+    except BaseException:
+        for process in active_children():
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     return broken

@@ -7,8 +7,10 @@ from pathlib import Path
 
 
 def perilous(job: str) -> str:
-    """Is killed in its own way: `fine` is not, `once:FILE` dies if it has not yet, `always` dies."""
+    """Is killed in its own way: `fine` is not, `once:FILE` dies if it has not yet, `always` dies, `slow` takes long."""
     kind, _, marker = job.partition(":")
+    if kind == "slow":
+        time.sleep(60)
     if kind == "always" or (kind == "once" and not Path(marker).exists()):
         if marker:
             Path(marker).touch()

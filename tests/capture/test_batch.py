@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,17 @@ def test_a_killed_process_takes_no_other_job_with_it(tmp_path):
     results = sorted(by_processes(perilous, jobs, gone, 2))
     assert results[0].startswith("always lost: its process died twice")
     assert results[1:] == ["fine done"] * 3 + ["once done"]
+
+
+def test_who_stops_asking_leaves_no_process_behind():
+    results = by_processes(perilous, ["fine", "slow", "slow"], gone, 2)
+    assert next(results) == "fine done"
+    results.close()
+    for _ in range(200):
+        if not active_children():
+            return
+        time.sleep(0.05)
+    pytest.fail(f"still there: {active_children()}")
 
 
 class Cluster:
