@@ -1,13 +1,14 @@
-"""Draws the deformation paper's figures 7 and 8 anew: `python -m tests.benchmarks.figures_deform docs/images`."""
+"""Draws the deformation paper's figures 5, 7 and 8 anew: `python -m tests.benchmarks.figures_deform docs/images`."""
 
 import argparse
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from capture.raster import contact_sheet, render, save_png
-from capture.scene import LATTICE, Camera, Floor, Lines, Scene, Surface
+from capture.scene import CLAY, LATTICE, Camera, Floor, Lines, Scene, Surface
+from capture.skin_colours import SkinColours
 from capture.volume_report import HARD_POSES, Turns, posed
 from deformation.character import Character, LatticeSettings, make_character
 from deformation.deformer import Deformer, DeformSettings
@@ -42,6 +43,7 @@ def main() -> None:
     )
     save_png(contact_sheet([*resolution(coarse), *resolution(fine)], 4), folder / "deformation_resolution.png")
     save_png(contact_sheet(volume_kept(fine), 4), folder / "deformation_volume.png")
+    save_png(contact_sheet(paints(fine), 4), folder / "deformation_parts.png")
 
 
 def resolution(character: Character) -> list[NDArray[np.uint8]]:
@@ -70,12 +72,24 @@ def volume_kept(character: Character) -> list[NDArray[np.uint8]]:
     return rows[0] + rows[1]
 
 
+def paints(character: Character) -> list[NDArray[np.uint8]]:
+    """Figure 5: bone-dependent and joint-dependent parts; then the weights of one bone, and how soft the flesh is."""
+    colours = SkinColours(character, CLAY)
+    thigh = character.skeleton.humanoid["left_upper_leg"]
+    shown = [("bones", 0), ("parts", 0), ("weights", thigh), ("softness", 0)]
+    return [
+        picture(character, character.lattice.particles, 0.35, colours=colours.painted(paint, bone))
+        for paint, bone in shown
+    ]
+
+
 def picture(
     character: Character,
     particles: NDArray[np.float64],
     yaw: float,
     lattice: bool = False,
     around: NDArray[np.float64] | None = None,
+    colours: ArrayLike = CLAY,
 ) -> NDArray[np.uint8]:
     """One body (H, W, 3), seen from `yaw` radians; `around`: (2, 3) metres, corners of what is to fill the picture."""
     vertices = interpolate_reference(character.lattice, particles)
@@ -83,7 +97,7 @@ def picture(
     edges = np.unique(np.sort(character.lattice.cells[:, _CELL_EDGES].reshape(-1, 2), axis=1), axis=0)
     lines = (Lines(particles.copy(), edges, LATTICE, width=1.0, opacity=0.8),) if lattice else ()
     camera = Camera(yaw=yaw).framed(vertices if around is None else around, _SIZE[0] / _SIZE[1])
-    surface = Surface(vertices, character.mesh.triangulated, normals)
+    surface = Surface(vertices, character.mesh.triangulated, normals, colours)
     return render(Scene((surface,), lines, camera=camera, floor=Floor(float(vertices[:, 1].min()))), *_SIZE)
 
 
