@@ -243,14 +243,40 @@ def slices(
 def _longest_loop(
     graph: SurfaceGraph, field: NDArray[np.float64], cut: NDArray[np.intp], level: float
 ) -> tuple[NDArray[np.float64], float]:
-    points, names = slices(graph, field, cut, level)
+    return _longest(*slices(graph, field, cut, level))
+
+
+def longest_reference(points: NDArray[np.float64], names: NDArray[np.int64]) -> tuple[NDArray[np.float64], float]:
+    """Centre (3,) and length in metres of the longest piece of segments (S, 2, 3) whose ends have names (S, 2)."""
     _, numbers = np.unique(names, return_inverse=True)
     ends = numbers.reshape(-1, 2)
     size = int(ends.max()) + 1
     _, piece = connected_components(coo_matrix((np.ones(len(ends)), ends.T), shape=(size, size)), directed=False)
     piece = piece[ends[:, 0]]
     lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
-    middles = points.mean(axis=1)
     main = piece == np.bincount(piece, lengths).argmax()
     weight = np.where(main, lengths, 0.0)
-    return weight @ middles / max(weight.sum(), 1e-12), weight.sum()
+    return weight @ points.mean(axis=1) / max(weight.sum(), 1e-12), float(weight.sum())
+
+
+@kernel
+def _longest(points, names):
+    """`longest_reference`, joining segments that follow one another in the order of their ends' names."""
+    order = np.argsort(names.ravel())
+    parent = np.arange(len(names))
+    for n in range(1, len(order)):
+        a, b = order[n - 1], order[n]
+        if names[a >> 1, a & 1] == names[b >> 1, b & 1]:
+            parent[_find(parent, b >> 1)] = _find(parent, a >> 1)
+    lengths, whole = np.zeros(len(names)), np.zeros(len(names))
+    for s in range(len(names)):
+        for i in range(3):
+            lengths[s] += (points[s, 1, i] - points[s, 0, i]) ** 2
+        lengths[s] = np.sqrt(lengths[s])
+        whole[_find(parent, s)] += lengths[s]
+    best, centre = np.argmax(whole), np.zeros(3)
+    for s in range(len(names)):
+        if _find(parent, s) == best:
+            for i in range(3):
+                centre[i] += lengths[s] * (points[s, 0, i] + points[s, 1, i]) / 2
+    return centre / max(whole[best], 1e-12), whole[best]

@@ -1,5 +1,6 @@
 """Wavefront OBJ in: positions and faces; texture coordinates, normals, groups and materials are passed over."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def _position(words: list[str]) -> list[float]:
         position = [float(word) for word in words[:3]]
     except ValueError:
         raise ValueError(f"a vertex needs three numbers, not {' '.join(words)!r}") from None
-    if len(position) < 3 or not np.isfinite(position).all():
+    if len(position) < 3 or not all(map(math.isfinite, position)):
         raise ValueError(f"a vertex needs three finite numbers, not {' '.join(words)!r}")
     return position
 

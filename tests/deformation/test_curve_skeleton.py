@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformation.curve_skeleton import downsampled, line_through, outward, sharpest_bend
-from deformation.isocurves_geodesic import level_rings, mean_distance, peaks, surface_graph
+from deformation.isocurves_geodesic import level_rings, longest_reference, mean_distance, peaks, slices, surface_graph
 from deformation.mesh import Mesh
 from tests.deformation.bodies import box, joined
 from tests.deformation.test_isocurves import cylinder
@@ -39,8 +39,21 @@ def test_a_corner_that_was_cut_is_found() -> None:
     assert np.linalg.norm(outward(slim, arc)) == pytest.approx(0.1 / (2 * np.pi))
 
 
+def test_the_longest_loop_is_the_references() -> None:
+    mesh = joined(box((0, 0, 0), (1, 1, 1), 5), box((2, 0, 0), (2.5, 1, 0.5), 4))
+    graph = surface_graph(mesh)
+    field = graph.vertices @ np.array([0.2, 1.0, -0.1])
+    for level in np.linspace(field.min() + 0.05, field.max() - 0.05, 9):
+        corners = field[graph.triangles]
+        cut = np.flatnonzero((corners.min(axis=1) < level) & (corners.max(axis=1) >= level))
+        centre, length = longest_reference(*slices(graph, field, cut, level))
+        rings = level_rings(graph, field, np.array([level]))
+        np.testing.assert_allclose(rings.centres[0], centre, atol=1e-12)
+        assert rings.girths[0] == pytest.approx(length)
+
+
 def test_where_a_hand_widens_and_narrows() -> None:
-    arcs = np.arange(8)[:, None] * np.array([0.1, 0, 0])
+    arcs = np.arange(8.0)[:, None] * np.array([0.1, 0.0, 0.0])
     line = line_through(arcs, np.array([0.0, 0.05, 0.06, 0.25, 0.28, 0.2, 0.22, 0.3]))
     assert line.widens(0.6, 0.7) == pytest.approx(0.3)
     assert line.widest(0.3, 0.5) == pytest.approx(0.4)
