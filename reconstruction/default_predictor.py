@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from reconstruction.database import MotionDatabase
 from reconstruction.local_model import LocalModelSettings, gather, local_prior
 from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.tracker_matching import Sighting, TrackerMatcher
 from reconstruction.window_features import seen_from
 
 
@@ -21,12 +22,15 @@ class NeighbourSettings:
     apart: frames, how far two neighbours of one clip must be from each other, at least 1.
     trusted_until: coverage up to which the neighbours are taken at their word, above 0; beyond it the prior widens in
         proportion (`local_model`).
+    way_weight: how much the trackers' root mean square distance over the last half second counts, where there are few
+        trackers, against that of the last pose and of the trackers now; 0 or more.
     sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
     """
 
     count: int = 96
     candidates: int = 384
     apart: int = 2
+    way_weight: float = 1.0
     sharpness: float = 6.0
     trusted_until: float = 2.0
 
@@ -34,8 +38,9 @@ class NeighbourSettings:
 class DefaultPredictor:
     """Retrieves by the last poses and these trackers, and hands the neighbours to `local_prior`.
 
-    Beyond the paper: it retrieves by the trackers too; it thins out near duplicates in time; it keeps how degrees of
-    freedom vary together; and it trusts the neighbours less the farther they are.
+    Beyond the paper: it retrieves by the trackers too; few trackers count by their way, since their place alone does
+    not tell a wrong history from a right one; it thins out near duplicates in time; it keeps how degrees of freedom
+    vary together; and it trusts the neighbours less the farther they are.
     """
 
     WIDEST = 10.0
@@ -49,25 +54,41 @@ class DefaultPredictor:
         """scale: the performer's size over the database's."""
         self._database, self._scale = database, scale
         self._neighbours, self._local = neighbours, local
+        self._matcher = TrackerMatcher(database)
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._windows = np.asarray(database.windows)
         self._clips = np.searchsorted(database.firsts, self._windows, side="right")
         sample = self._windows[:: max(1, len(self._windows) // self.SAMPLE)].astype(np.int64)
         self._everything = np.cov(self._at_scale(sample, 0), rowvar=False, bias=True)
 
-    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+    def predict(
+        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
+    ) -> Prediction:
         """See `Predictor`."""
         s, last = self._neighbours, past[-1]
-        numbers, distances = self._database.index.nearest(self._feature(past, trackers), s.candidates)
+        numbers, near = self._database.index.nearest(self._feature(past, trackers), s.candidates)
+        distances = near
+        if way is not None:
+            distances = np.sqrt(near**2 + s.way_weight * self._mean_squares(way, numbers))
+            order = np.argsort(distances, kind="stable")
+            numbers, near, distances = numbers[order], near[order], distances[order]
         keep = thinned(self._windows[numbers], self._clips[numbers], s.apart, s.count)
-        rows, distances = self._windows[numbers[keep]].astype(np.int64), distances[keep]
+        rows, near, distances = self._windows[numbers[keep]].astype(np.int64), np.sort(near[keep]), distances[keep]
         following = self._at_scale(rows, 0)
         steps = following - self._at_scale(rows, 1)
-        coverage = float(distances[: max(1, len(distances) // 8)].mean() / self._database.spacing)
+        coverage = float(near[: max(1, len(near) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
         widening = min(max(1.0, coverage / s.trusted_until), self.WIDEST)
         prior = local_prior(following, steps, weights, last.q, widening, self._everything, self._local)
         return Prediction(prior, rows, coverage)
+
+    def _mean_squares(self, way: Sighting, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Metres^2 (K,): how far the windows' tracked joints went from the trackers' way; the median where they have
+        no such long past."""
+        squares = self._matcher.squares(way, self._windows[numbers].astype(np.int64) - 1, free=False)
+        known = np.isfinite(squares)
+        typical = np.median(squares[known]) if known.any() else 0.0
+        return np.where(known, squares, typical) / max(way.count, 1)
 
     def _feature(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> NDArray[np.float32]:
         last, earliest = past[-1], past[0]

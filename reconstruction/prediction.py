@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.map_problem import GaussianPrior
+from reconstruction.tracker_matching import Sighting
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +37,12 @@ class Prediction:
 class Predictor(Protocol):
     """A method's prior p(q_t | Q_{t,m}), and, where it looks at them, c_t."""
 
-    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+    def predict(
+        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
+    ) -> Prediction:
         """From the last poses, the latest at the end, and tracked joints (6, 3) metres seen from its heading frame.
 
-        Joints whose tracker is missing stand where they would go on to.
+        Joints whose tracker is missing stand where they would go on to. way: where trackers were up to half a second
+        before the last pose, seen from its heading frame, in the database's scale; given where they are few.
         """
         ...

@@ -231,7 +231,7 @@ class Reconstructor:
             self.start([frame])
         positions = self._eased(frame)
         heading = self._past[-1].heading
-        prediction = self._predictor.predict(self._past, self._filled(positions))
+        prediction = self._predictor.predict(self._past, self._filled(positions), self._way(frame, heading))
         predicted = perf_counter_ns()
         points = effectors(self._measurement(frame, positions), self.role_joints, self.mounting, heading)
         self.problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
@@ -285,6 +285,17 @@ class Reconstructor:
         last = self._past[-1]
         seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
         return np.where(np.isfinite(seen), seen, self._going_on()) - last.arms
+
+    def _way(self, frame: TrackerFrame, heading: NDArray[np.float64]) -> Sighting | None:
+        """Where few trackers were before the last pose, seen from its heading frame in the database's scale."""
+        if frame.measured.sum() > self.FEW:
+            return None
+        seen = self._trackers.sighting()
+        before = seen.offsets < 0
+        if not before.any():
+            return None
+        points = seen_from(seen.points[before].reshape(1, -1, 3), _WORLD[None], heading[None])
+        return Sighting(seen.offsets[before] + 1, points.reshape(-1, len(ROLES), 3) / self.scale)
 
     def _going_on(self) -> NDArray[np.float64]:
         """Where (6, 3) the trackers come to when they move on as they did, seen from the last heading frame."""

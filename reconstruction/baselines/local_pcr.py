@@ -14,6 +14,7 @@ from reconstruction.baselines.neighbourhood import NeighbourhoodFinder, own_hist
 from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.tracker_matching import Sighting
 
 
 class LocalPcrPredictor:
@@ -30,7 +31,9 @@ class LocalPcrPredictor:
         """scale: the performer's size over the database's; roles: the trackers there are, which it does not need."""
         self._finder = NeighbourhoodFinder(database, scale)
 
-    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+    def predict(
+        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
+    ) -> Prediction:
         """See `Predictor`."""
         near = self._finder.find(past, trackers)
         components = PCA(self.VARIANCE_KEPT, svd_solver="full").fit(near.histories)

@@ -12,6 +12,7 @@ from reconstruction.database import MotionDatabase
 from reconstruction.local_model import gather
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.tracker_matching import Sighting
 from reconstruction.window_features import seen_from
 
 _AS_IT_IS = 1e-5
@@ -39,7 +40,9 @@ class TrackerPosePredictor:
         self._state = BodyState.of(len(database.space.skeleton))
         self._joints = [database.space.skeleton.role_joint(role) for role in roles]
 
-    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
+    def predict(
+        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
+    ) -> Prediction:
         """See `Predictor`."""
         wanted = trackers[self._columns] / self._scale
         distances, numbers = self._tree.query(wanted.ravel(), self._count)
