@@ -194,7 +194,10 @@ def read_take(path: Path | str) -> Take:
         with path.open("rb") as file:
             if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise FileError(f"{path}: not a take: takes are MCAP files")
-            return _assemble(path, _Records(file, path.stat().st_size))
+            records, assembly = _Records(file, path.stat().st_size), _Assembly(path)
+            for record in records:
+                assembly.add(record)
+            return assembly.take(records.broken_at)
     except FileNotFoundError:
         raise FileError(f"{path}: no such file") from None
 
@@ -246,40 +249,58 @@ def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(body))
 
 
-def _assemble(path: Path, records: _Records) -> Take:
-    devices: dict[int, RecordedDevice] = {}
-    chunks: dict[str, list[RawChunk]] = {}
-    metadata: dict[str, str] = {}
-    marks: list[Mark] = []
-    changes: list[SettingsChange] = []
-    topics: dict[int, str] = {}
-    for record in records:
-        if isinstance(record, Message) and record.channel_id in devices:
-            chunks[devices[record.channel_id].name].append(RawChunk(record.log_time, bytes(record.data)))
-        elif isinstance(record, Channel) and record.message_encoding == RAW_ENCODING and record.id not in devices:
-            devices[record.id] = _device(path, record)
-            chunks.setdefault(devices[record.id].name, [])
+class _Assembly:
+    """A take in the making, record by record in the order of the file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._devices: dict[int, RecordedDevice] = {}
+        self._topics: dict[int, str] = {}
+        self._chunks: dict[str, list[RawChunk]] = {}
+        self._metadata: dict[str, str] = {}
+        self._marks: list[Mark] = []
+        self._changes: list[SettingsChange] = []
+
+    def add(self, record: McapRecord) -> None:
+        """Raises FileError for a device or a change of settings that is not as we write it."""
+        if isinstance(record, Message):
+            self._add_message(record)
         elif isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message) and topics.get(record.channel_id) == MARKS_TOPIC:
-            marks.append(_mark(record))
-        elif isinstance(record, Message) and topics.get(record.channel_id) == SETTINGS_TOPIC:
-            before = {name: len(found) for name, found in chunks.items()}
-            changes.append(SettingsChange(record.log_time, _values(path, record), before))
+            self._add_channel(record)
         elif isinstance(record, Metadata) and record.name == METADATA_NAME:
-            metadata.update(record.metadata)
-    if not any(chunks.values()):
-        broken = f"; it is cut off at byte {records.broken_at}, before its first data" if records.broken_at else ""
-        raise FileError(f"{path}: no device's bytes in it{broken}")
-    held = {name: tuple(found) for name, found in chunks.items()}
-    take = Take(path, tuple(devices.values()), held, metadata, None, tuple(marks), tuple(changes))
-    if records.broken_at is None:
-        return take
-    missing = (
-        f"{path}: cut off or damaged at byte {records.broken_at}: read up to the last whole chunk before it, "
-        f"{take.duration_s:.2f} s; what may have come after is missing"
-    )
-    return replace(take, missing=missing)
+            self._metadata.update(record.metadata)
+
+    def _add_channel(self, channel: Channel) -> None:
+        self._topics[channel.id] = channel.topic
+        if channel.message_encoding == RAW_ENCODING and channel.id not in self._devices:
+            device = self._devices[channel.id] = _device(self._path, channel)
+            self._chunks.setdefault(device.name, [])
+
+    def _add_message(self, message: Message) -> None:
+        device, topic = self._devices.get(message.channel_id), self._topics.get(message.channel_id)
+        if device is not None:
+            self._chunks[device.name].append(RawChunk(message.log_time, bytes(message.data)))
+        elif topic == MARKS_TOPIC:
+            self._marks.append(_mark(message))
+        elif topic == SETTINGS_TOPIC:
+            before = {name: len(found) for name, found in self._chunks.items()}
+            self._changes.append(SettingsChange(message.log_time, _values(self._path, message), before))
+
+    def take(self, broken_at: int | None) -> Take:
+        """What has come. broken_at: the byte from which on nothing could be read, None for a whole take."""
+        path, devices = self._path, tuple(self._devices.values())
+        if not any(self._chunks.values()):
+            broken = f"; it is cut off at byte {broken_at}, before its first data" if broken_at else ""
+            raise FileError(f"{path}: no device's bytes in it{broken}")
+        chunks = {name: tuple(found) for name, found in self._chunks.items()}
+        take = Take(path, devices, chunks, self._metadata, None, tuple(self._marks), tuple(self._changes))
+        if broken_at is None:
+            return take
+        missing = (
+            f"{path}: cut off or damaged at byte {broken_at}: read up to the last whole chunk before it, "
+            f"{take.duration_s:.2f} s; what may have come after is missing"
+        )
+        return replace(take, missing=missing)
 
 
 def _mark(message: Message) -> Mark:
