@@ -40,7 +40,7 @@ class SolverConfig(_Section):
     rate_hz: Annotated[float, Field(ge=10, le=240)] = 60.0
     """Poses a second; as many as the database has."""
     latency_ms: Annotated[float, Field(ge=0, le=200)] = 25.0
-    """How long a frame waits for late samples before it is put together, in milliseconds."""
+    """How long a frame waits at most for samples that are late, in milliseconds."""
     method: Literal["default", "paper"] = "default"
     """`paper` is the reconstruction paper to the letter."""
 

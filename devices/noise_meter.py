@@ -7,9 +7,11 @@ quieter ones count (the lower quartile of the newest sixty): what rests is quiet
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from itertools import pairwise
 
 from devices.axes import Vector
+from devices.sample import SampleFlag, TrackerSample
 
 _WINDOW_S = 0.5
 _LEAST_READINGS = 16
@@ -58,6 +60,15 @@ class NoiseMeter:
             for axis in range(3)
         )
         self._quiet.append(math.sqrt(squares / (3 * (len(points) - 4))) / _GAIN)
+
+
+def trembling(samples: Iterable[TrackerSample], above_mm: float) -> list[str]:
+    """The trackers whose noise at rest is measured above that, in the order of their names."""
+    meters: dict[str, NoiseMeter] = {}
+    for sample in samples:
+        if sample.position is not None and not sample.flags & SampleFlag.HELD:
+            meters.setdefault(sample.tracker, NoiseMeter()).add(sample.host_time_ns * 1e-9, sample.position)
+    return sorted(name for name, meter in meters.items() if (meter.sigma_m or 0.0) * 1000 > above_mm)
 
 
 def _middle(points: list[Vector]) -> Vector:

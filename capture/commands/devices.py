@@ -71,11 +71,13 @@ def doctor(
 
     Let the trackers lie still for a while for the noise, or walk straight ahead for `--assign`.
     """
+    from capture.config import DeviceConfig
     from capture.diagnosis import listen
     from capture.progress import progress_bar
     from devices.assignment import find_assignment
     from devices.errors import DeviceError
     from devices.health import diagnose
+    from devices.noise_meter import trembling
     from devices.protocols import option_from_text
     from devices.registry import make_device
 
@@ -93,6 +95,7 @@ def doctor(
     counters = opened.protocol.counters
     trackers = diagnose(samples, opened.protocol.rate_hz, counters.missed)
     found = find_assignment(samples, worn) if assign else None
+    smoothed = trembling(samples, DeviceConfig().smooth_above_mm)
     if as_json:
         report = {
             "device": device,
@@ -101,6 +104,7 @@ def doctor(
             "bytes_dropped": counters.bytes_dropped,
             "bad_frames": counters.bad_frames,
             "smoothing_lag_ms": _smoothing_lag_ms(opened.protocol.rate_hz),
+            "smoothed_trackers": smoothed,
         }
         if found:
             report["assignment"] = {"roles": found.roles, "certainty": found.certainty, "walked": found.walked}
@@ -117,6 +121,9 @@ def doctor(
         print(f"{counters.bytes_dropped} stray bytes, {counters.bad_frames} damaged frames: check cable and baud rate")
     lag = _smoothing_lag_ms(opened.protocol.rate_hz)
     print("One-Euro smoothing delays by " + ", ".join(f"{ms:.0f} ms at {speed} m/s" for speed, ms in lag.items()))
+    print(
+        f"It is for what trembles more than {DeviceConfig().smooth_above_mm:g} mm: {', '.join(smoothed) or 'none here'}"
+    )
     if found:
         print("\n[device.trackers]")
         for tracker, role in found.roles.items():

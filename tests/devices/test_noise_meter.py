@@ -7,7 +7,7 @@ import pytest
 
 from devices.filters import OneEuroSettings
 from devices.intake import DeviceIntake
-from devices.noise_meter import NoiseMeter
+from devices.noise_meter import NoiseMeter, trembling
 from devices.sample import TrackerSample
 
 
@@ -43,6 +43,17 @@ def test_a_pause_is_no_rest():
     for tick in range(200):
         meter.add(0.3 * tick, (0.0, 0.0, 0.0))
     assert meter.sigma_m is None
+
+
+def test_the_trackers_that_tremble_are_named():
+    rng = random.Random(5)
+    samples = [
+        TrackerSample(name, round(tick / 60 * 1e9), tuple(rng.gauss(0, sigma) for _ in range(3)))
+        for tick in range(300)
+        for name, sigma in (("b", 0.004), ("a", 0.003), ("calm", 0.0005))
+    ]
+    assert trembling(samples, 2.0) == ["a", "b"]
+    assert trembling(samples, 10.0) == []
 
 
 def smoothed(sigma, settings):
