@@ -1,9 +1,7 @@
 """Solving held-out clips by many methods, several processes at a time, and scoring what comes out."""
 
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
@@ -84,7 +82,7 @@ def solve_runs(runs: Sequence[Run], jobs: int = 1, progress: Progress = no_progr
                 done += 1
                 progress(done, total)
     else:
-        with _one_thread_each(), ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
             asked = {pool.submit(_solved, run): number for number, run in enumerate(runs)}
             try:
                 for finished in as_completed(asked):
@@ -154,17 +152,3 @@ def _opened(path: Path) -> MotionDatabase:
 @lru_cache(maxsize=64)
 def _truth(clip: Clip, seconds: float) -> Motion:
     return clip.middle(seconds)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started inside do linear algebra on one thread: they would only get in each other's way."""
-    before = os.environ.get("OMP_NUM_THREADS")
-    os.environ["OMP_NUM_THREADS"] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["OMP_NUM_THREADS"]
-        else:
-            os.environ["OMP_NUM_THREADS"] = before

@@ -90,7 +90,5 @@ class Relocaliser:
         """The best sequels of the pass's best rows, matched against where the trackers are by now."""
         count = min(self.KEEP, len(self._squares))
         best = self._rows[np.argpartition(self._squares, count - 1)[:count]]
-        around = np.arange(-self.AROUND - self._stride // 2, self.AROUND + self._stride // 2 + 1)
-        rows = np.unique((best[:, None] + self._age + around).ravel())
-        rows = rows[(rows >= 0) & (rows < len(self._matcher))]
+        rows = self._matcher.around(best + self._age, self.AROUND + self._stride // 2)
         return self._matcher.best(now, rows, self.KEEP)

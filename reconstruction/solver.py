@@ -128,8 +128,6 @@ class Reconstructor:
     whole database for a start.
     """
 
-    START_ROWS = 60_000
-    """Rows looked at for a start: every so many-th of a large database."""
     FEW = 4
     """With more trackers than this the history cannot go astray."""
     FAR_M = 0.5
@@ -198,11 +196,9 @@ class Reconstructor:
         the half second after it. A session, which has only the first, may leave it to `solve`."""
         offsets = -OFFSETS[len(frames) > -OFFSETS]
         points = np.array([frames[offset].positions for offset in offsets]) / self.scale
-        stride = max(1, len(self._matcher) // self.START_ROWS)
-        rows = np.arange(0, len(self._matcher), stride)
-        matches = self._matcher.best(Sighting(offsets, points), rows, 1)
+        matches = self._matcher.best_of_all(Sighting(offsets, points))
         if not len(matches.rows):
-            matches = self._matcher.best(Sighting(offsets[:1], points[:1]), rows, 1)
+            matches = self._matcher.best_of_all(Sighting(offsets[:1], points[:1]))
         self._adopt(matches, last=-1)
 
     def solve_take(self, frames: Sequence[TrackerFrame], progress: Progress = no_progress) -> Reconstruction:

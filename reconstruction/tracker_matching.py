@@ -48,6 +48,11 @@ class Matches:
 class TrackerMatcher:
     """Finds database rows by trackers alone."""
 
+    LOOKED_AT = 20_000
+    """Rows that a search of everything looks at first, evenly spread."""
+    KEEP = 64
+    """The best of them, around which it looks at all."""
+
     def __init__(self, database: MotionDatabase):
         self._tracks, self._headings = np.asarray(database.tracks), np.asarray(database.headings)
         self._first = database.firsts
@@ -76,6 +81,20 @@ class TrackerMatcher:
         errors = np.sqrt(np.maximum(squares[order], 0) / max(sighting.count, 1))
         heading = self._heading(sighting, int(rows[order[0]])) if len(order) else np.zeros(3)
         return Matches(rows[order], errors, heading)
+
+    def best_of_all(self, sighting: Sighting) -> Matches:
+        """The best row of the whole database, or none: every so many-th row, then all rows around the best of them.
+
+        A million rows take little longer than ten thousand.
+        """
+        stride = max(1, len(self) // self.LOOKED_AT)
+        coarse = self.best(sighting, np.arange(0, len(self), stride), self.KEEP)
+        return self.best(sighting, self.around(coarse.rows, stride // 2), 1)
+
+    def around(self, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+        """All rows that are at most `reach` from one of rows (n,)."""
+        near = np.unique((rows[:, None] + np.arange(-reach, reach + 1)).ravel())
+        return near[(near >= 0) & (near < len(self))]
 
     def error(self, sighting: Sighting, rows: NDArray[np.int64], heading: NDArray[np.float64]) -> float:
         """Metres: least root mean square distance of rows (n,) whose heading frames stand at `heading` (3,).

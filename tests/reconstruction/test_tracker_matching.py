@@ -30,6 +30,20 @@ def test_finds_the_row_and_where_it_stands(matcher):
     np.testing.assert_allclose(found.heading, heading, atol=1e-3)
 
 
+def test_the_best_of_all_is_found_from_every_so_many_th_row(matcher, monkeypatch):
+    monkeypatch.setattr(TrackerMatcher, "LOOKED_AT", 200)
+    found = matcher.best_of_all(sighting(matcher, 403, np.array([2.0, -1.0, 2.5])))
+    assert found.rows.tolist() == [403]
+    assert not len(matcher.best_of_all(Sighting(np.array([0, -10_000]), np.zeros((2, 6, 3)))).rows)
+
+
+def test_rows_around_others_stay_inside(matcher):
+    assert matcher.around(np.array([1, 3, len(matcher) - 1]), 2).tolist() == [
+        *range(6),
+        *range(len(matcher) - 3, len(matcher)),
+    ]
+
+
 def test_the_kernel_agrees_with_plain_minimisation(matcher):
     asked = sighting(matcher, 400, np.array([1.0, 1.0, 0.5]), noise=0.05)
     there = np.isfinite(asked.points[..., 0])
