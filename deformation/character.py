@@ -117,7 +117,7 @@ def make_character(
     vertex_joints, vertex_weights = (frozen(a) for a in strongest(on_vertices))
     on_particles = separate_branches(blur(lattice) @ coarser(fine_weights, fine, lattice, parents), skeleton, positions)
     joints, weights = (frozen(a) for a in strongest(on_particles))
-    binding = bind_points(skeleton, positions, joints, weights)
+    binding = bind_points(skeleton, positions, joints, weights, lattice.particles)
     part_of = joint_parts(lattice, painted_bone_parts(lattice, binding, painting), skeleton, positions)
     return Character(
         name,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deformation.kernel import kernel
 from deformation.polar import polar, polar_reference
+from deformation.twist import PLACES, Twists, find_twists, twisted, twisted_reference
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
 
@@ -26,7 +27,8 @@ class Binding:
 
     joints: (N, 4) int32; weights: (N, 4), rows sum to 1. centres: (N, 3) metres, rest pose, what points turn about.
     hinges: (N, 4) int32 the joints between a point's bones; hinge_weights: (N, 4), rows sum to 1.
-    axes: (J, 3) unit, rest pose, along each joint's bone: a turn about it is a twist.
+    axes: (J, 3) unit, rest pose, along each joint's bone: a turn about it is a twist. parents: (J,).
+    twists: the bones that twist along their length.
     """
 
     joints: NDArray[np.int32]
@@ -36,14 +38,20 @@ class Binding:
     hinge_weights: NDArray[np.float64]
     axes: NDArray[np.float64]
     parents: NDArray[np.int32]
+    twists: Twists
 
 
 def bind_points(
-    skeleton: Skeleton, positions: NDArray[np.float64], joints: NDArray[np.int32], weights: NDArray[np.float64]
+    skeleton: Skeleton,
+    positions: NDArray[np.float64],
+    joints: NDArray[np.int32],
+    weights: NDArray[np.float64],
+    points: NDArray[np.float64] | None = None,
 ) -> Binding:
     """Finds the joints between each point's bones, by the products of the bones' weights, and their mean as its centre.
 
-    positions: (J, 3) metres of the joints in the rest pose; joints, weights: (N, 4).
+    positions: (J, 3) metres of the joints in the rest pose; joints, weights: (N, 4). points: (N, 3) metres, rest pose;
+    without them no bone twists along its length.
     """
     between = _joints_between(skeleton)
     share = np.zeros((len(joints), len(skeleton)))
@@ -64,6 +72,7 @@ def bind_points(
         frozen(hinge_weights),
         frozen(_bone_axes(skeleton, positions)),
         frozen(np.array(skeleton.parents, np.int32)),
+        find_twists(skeleton, positions, joints, points),
     )
 
 
@@ -122,13 +131,25 @@ def blend_reference(
     motion: NDArray[np.float64], binding: Binding, rest: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Skinned points (N, 3) metres and rotations (N, 3, 3) in plain NumPy; arguments as for `linear_blend`."""
-    blended = np.einsum("nk,nkij->nij", binding.weights, motion[binding.joints])
+    blended = np.einsum("nk,nkij->nij", binding.weights, _along_bones(motion, binding))
     rotation = polar_reference(blended[:, :, :3], motion[binding.joints[:, 0], :, :3])
     twist = (twist_shares(motion, binding)[binding.hinges] * binding.hinge_weights).sum(axis=1)
     rigid = (_LEAST_TURN + (1 - _LEAST_TURN) * twist)[:, None, None]
     turn = rigid * rotation + (1 - rigid) * blended[:, :, :3]
     centre = np.einsum("nij,nj->ni", blended[:, :, :3], binding.centres) + blended[:, :, 3]
     return centre + np.einsum("nij,nj->ni", turn, rest - binding.centres), rotation
+
+
+def _along_bones(motion: NDArray[np.float64], binding: Binding) -> NDArray[np.float64]:
+    """(N, 4, 3, 4): what each of a point's joints does to it, twisted as far as it lies along the bone."""
+    own, twists = motion[binding.joints], binding.twists
+    if not len(twists.joints):
+        return own
+    levels = twisted_reference(motion, twists)
+    low = np.minimum(twists.place.astype(int), PLACES - 2)
+    share = (twists.place - low)[..., None, None]
+    first, second = levels[twists.bone, low], levels[twists.bone, low + 1]
+    return np.where((twists.bone >= 0)[..., None, None], first + share * (second - first), own)
 
 
 def blend(
@@ -144,6 +165,9 @@ def blend(
     _blend(
         motion,
         twist,
+        twisted(motion, binding.twists),
+        binding.twists.bone,
+        binding.twists.place,
         binding.joints,
         binding.weights,
         binding.centres,
@@ -170,18 +194,27 @@ def _twist_shares(motion, parents, axes, shares):
 
 
 @kernel
-def _blend(motion, twist, joints, weights, centres, hinges, hinge_weights, rest, positions, rotations):
+def _blend(
+    motion, twist, levels, bone, place, joints, weights, centres, hinges, hinge_weights, rest, positions, rotations
+):
     m = np.empty((3, 4))
     for n in range(len(rest)):
         m[:] = 0.0
         for k in range(joints.shape[1]):
             weight = weights[n, k]
-            if weight > 0:
+            if weight > 0 and bone[n, k] < 0:
                 for i in range(3):
                     for j in range(4):
                         m[i, j] += weight * motion[joints[n, k], i, j]
+            elif weight > 0:
+                low = min(int(place[n, k]), PLACES - 2)
+                share = place[n, k] - low
+                first, second = levels[bone[n, k], low], levels[bone[n, k], low + 1]
+                for i in range(3):
+                    for j in range(4):
+                        m[i, j] += weight * (first[i, j] + share * (second[i, j] - first[i, j]))
         turn = (m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2])
-        if weights[n, 0] < 1:
+        if weights[n, 0] < 1 or bone[n, 0] >= 0:
             found, turn = polar(turn)
             if not found:
                 f = motion[joints[n, 0]]
