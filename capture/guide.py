@@ -129,7 +129,8 @@ class CalibrationGuide:
         if self._found is None:
             return Banner("That did not work", (self._trouble, f"again in {left} s"))
         found = self._found
-        lines = (found.verdict, *found.advice[:_MOST_ADVICE], residual_words(found))
+        verdict = () if found.verdict == found.grade.value else (found.verdict,)
+        lines = (*verdict, *found.advice[:_MOST_ADVICE], residual_words(found))
         if found.grade is Grade.POOR:
             return Banner("Once more, please", (*lines, f"again in {left} s   (Enter takes it as it is)"))
         title = "That fits well" if found.grade is Grade.GOOD else "That will do"

@@ -36,7 +36,7 @@ class TuningPanel:
         if not self._shown:
             return {}
         return {
-            "Tab": Action("settings: Up Down choose, Left Right change, Backspace undoes", self._toggle),
+            "Tab": Action("settings: arrows choose and change, Backspace undoes", self._toggle),
             "Up": Action("", lambda: self.choose(-1), self._open),
             "Down": Action("", lambda: self.choose(1), self._open),
             "Left": Action("", lambda: self.change(-1), self._open),

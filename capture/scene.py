@@ -278,7 +278,7 @@ def ghost_marks(skeleton: Skeleton, joints: NDArray[np.float64], opacity: float 
     return Lines(joints.reshape(-1, 3), segments, GHOST, width=2.0, opacity=opacity, through=opacity / 2)
 
 
-def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
+def side_by_side(left: Scene, right: Scene, apart_m: float = 1.2) -> Scene:
     """Two scenes in one picture, `apart_m` metres between their middles, seen as the left one is.
 
     Words are the left one's; whoever calls knows how the two belong together.
@@ -290,7 +290,7 @@ def side_by_side(left: Scene, right: Scene, apart_m: float = 1.3) -> Scene:
         surfaces=a.surfaces + b.surfaces,
         lines=a.lines + b.lines,
         spheres=a.spheres + b.spheres,
-        camera=replace(left.camera, distance=1.25 * left.camera.distance),
+        camera=replace(left.camera, distance=1.4 * left.camera.distance),
     )
 
 

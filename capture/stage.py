@@ -38,7 +38,7 @@ _CELL_EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and 
 
 _FROM_THE_SIDE = 0.5
 """Radians to the performer's left at which the camera stands."""
-_NEARER_S, _ROUND_S = 0.25, 1.6
+_NEARER_S, _ROUND_S = 0.15, 1.6
 """Seconds in which the camera makes up most of a distance, and of a turn."""
 
 

@@ -19,7 +19,7 @@ CARD: Colour = (0.965, 0.970, 0.980)
 _EDGE: Colour = (0.80, 0.825, 0.855)
 _INK, _PALE = (38, 44, 54), (88, 97, 112)
 _ACCENT, _ACCENT_PALE = (38, 103, 190), (214, 227, 244)
-_TRACK = (205, 211, 220)
+_TRACK, _MARK = (205, 211, 220), (226, 120, 30)
 _SMALL = 0.78
 """Letter height of tables over that of the rest."""
 _BANNER = 0.66
@@ -170,12 +170,12 @@ def _wrapped(text: str, size: int, most: float) -> list[str]:
 @lru_cache(maxsize=_MOST_KEPT)
 def timeline_card(timeline: Timeline, width: int, height: int, background: Colour) -> Card:
     """A thin bar of that width: what has been played, and the marks."""
-    size = letter_height(height)
+    size = letter_height(height) // 2
     card, draw = _blank(width, size, background)
-    _bar(draw, (2, size / 2 - 2, width - 3, size / 2 + 2), timeline.share)
+    _bar(draw, (0, size * 0.3, width - 1, size * 0.7), timeline.share)
     for mark in timeline.marks:
-        at = 2 + (width - 5) * min(max(mark, 0.0), 1.0)
-        draw.rectangle((at - 1, size * 0.1, at + 1, size * 0.9), fill=(226, 120, 30))
+        at = (width - 1) * min(max(mark, 0.0), 1.0)
+        draw.rectangle((at - 1, 0, at + 1, size), fill=_MARK)
     return _done(card)
 
 

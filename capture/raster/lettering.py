@@ -54,9 +54,8 @@ def placed_cards(scene: Scene, width: int, height: int, background: Colour) -> l
     lift = 0
     if scene.timeline is not None:
         bar = timeline_card(scene.timeline, width - 2 * margin, height, background)
-        lift = bar.shape[0]
-        placed.append(PlacedCard(bar, margin, height - margin // 2 - lift, False))
-        lift -= margin // 2
+        lift = bar.shape[0] // 2
+        placed.append(PlacedCard(bar, margin, height - margin // 2 - bar.shape[0], False))
     for card, x in _at_the_foot(scene, height, background):
         lowest = put(card, x, 1, False)
         placed[-1] = PlacedCard(card, lowest.left, lowest.top - lift, False)

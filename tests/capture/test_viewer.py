@@ -1,13 +1,15 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from capture import viewer
-from capture.scene import Camera, Lines, Scene, Spheres, Surface
+from capture.raster import placed_cards, render
+from capture.scene import Badge, Camera, Lines, Panel, PanelRow, Scene, Spheres, Surface, Timeline
 from devices.errors import SixpointError
 
 SCRIPT = """
@@ -18,9 +20,10 @@ from capture.raster import save_png
 from capture.viewer import show, snapshot
 from capture.viewing import Action, Layers
 from devices.errors import SixpointError
-from tests.capture.test_viewer import picture
+from tests.capture.test_viewer import picture, wordy
 
 save_png(snapshot(picture(), 320, 200), sys.argv[1])
+save_png(snapshot(wordy(), 960, 540), sys.argv[2])
 
 class Turning:
     duration_s, frame_s, asked = 1.0, 1 / 60, 0
@@ -69,12 +72,41 @@ def picture(with_skin: bool = True) -> Scene:
     )
 
 
+def wordy() -> Scene:
+    """Every kind of words there is."""
+    rows = (PanelRow("character.delta", "0.6", 0.6), PanelRow("character.volume", "on"))
+    return replace(
+        picture(),
+        badges=(Badge((0.9, 0.2, 0.2), "take.mcap"),),
+        figures=("milliseconds\tp50\tp99", "solve\t1.2\t3.4", "", "tracker\tnow", "head\tlost"),
+        legend=(Badge((0.2, 0.7, 0.4), "measured"), Badge((0.8, 0.2, 0.2), "lost")),
+        panel=Panel(rows, 1, ("what it does",)),
+        timeline=Timeline(0.25, (0.5,)),
+    )
+
+
+@pytest.mark.parametrize("words", [wordy(), replace(wordy(), keys=("Shown", "1\tskin", "Camera", "A\tround"))])
+def test_no_card_leaves_the_picture_and_framed_ones_do_not_cover_each_other(words):
+    cards = placed_cards(words, 960, 540, (1.0, 1.0, 1.0))
+    for placed in cards:
+        rows, columns = placed.card.shape[:2]
+        assert placed.left >= 0
+        assert placed.top >= 0
+        assert placed.left + columns <= 960
+        assert placed.top + rows <= 540
+    taken = np.zeros((540, 960), int)
+    for placed in cards if not words.keys else ():
+        rows, columns = placed.card.shape[:2]
+        taken[placed.top : placed.top + rows, placed.left : placed.left + columns] += 1
+    assert taken.max() <= 1
+
+
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="xvfb-run is not installed (Debian package xvfb)")
 def test_the_window_shows_surfaces_marks_and_words_on_a_virtual_screen(tmp_path):
     from PIL import Image
 
-    path = tmp_path / "window.png"
-    command = ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", sys.executable, "-c", SCRIPT, str(path)]
+    path, words = tmp_path / "window.png", tmp_path / "words.png"
+    command = ["xvfb-run", "-a", "-s", "-screen 0 1024x640x24", sys.executable, "-c", SCRIPT, str(path), str(words)]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["pictures", "7", "until", "4", "lost"]
@@ -90,6 +122,14 @@ def test_the_window_shows_surfaces_marks_and_words_on_a_virtual_screen(tmp_path)
     dark = seen.max(axis=2) < 130
     assert dark[:40, :100].any(), "the title"
     assert dark[160:, :100].any(), "the status"
+    shown = np.asarray(Image.open(words)).astype(int)
+    drawn = render(wordy(), 960, 540).astype(int)
+    for placed in placed_cards(wordy(), 960, 540, (0.885, 0.90, 0.92)):
+        rows, columns = placed.card.shape[:2]
+        here = slice(placed.top, placed.top + rows), slice(placed.left, placed.left + columns)
+        assert np.abs(shown[here] - placed.card).mean() < 6, "the window shows the card where it belongs"
+        if placed.framed:
+            assert np.abs(drawn[here] - placed.card).mean() < 12, "and so does the picture"
 
 
 def test_no_display_is_told_in_one_line(monkeypatch):
