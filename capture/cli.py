@@ -14,6 +14,7 @@ from capture.commands.calibrate import calibrate
 from capture.commands.deform import deform
 from capture.commands.demo import demo
 from capture.commands.devices import align, devices, doctor, simulate
+from capture.commands.evaluate_calibration import calibration
 from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
 from capture.commands.replay import replay
@@ -67,7 +68,12 @@ _group(
 _group(
     "evaluate",
     "The papers' experiments on given data.",
-    [("tables", evaluate.tables), ("actions", evaluate.actions), ("transitions", transition.evaluate_transitions)],
+    [
+        ("tables", evaluate.tables),
+        ("actions", evaluate.actions),
+        ("transitions", transition.evaluate_transitions),
+        ("calibration", calibration),
+    ],
 )
 _group(
     "bench",

@@ -1,55 +1,39 @@
 """Fitting a body to its trackers: segment lengths and mounting offsets from a held T-pose and free movement.
 
-Every frame's residual at the prior's mean tells of the body as well as of the pose. With the pose integrated out (its
-prior N(mu, Lambda^-1) makes the trackers' covariance S = sigma^2 I + J Lambda^-1 J^T), what is left is a weighted least
-squares problem in a few lengths and offsets, with priors from anthropometry; poses and body are solved in turn until
-the body settles.
+The T-pose is a pose that is known: it gives a first body at once. Then, in turns, moments of the free movement get the
+poses that the database has for them on that body (`similar_moments`), and the body that explains all of them and the
+T-pose together is found (`body_fit`).
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from enum import Enum
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from devices.errors import FileError, SettingError
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
-from reconstruction.body_kinematics import Body, BodyState, place
+from reconstruction.body_fit import BodyFit, Fit, FitPrior, Moment, Statement, deviations
+from reconstruction.calibration_verdict import Evidence, Grade, judged
 from reconstruction.database import MotionDatabase
-from reconstruction.kinematics import world_joints
-from reconstruction.likelihood import jacobian, residuals
-from reconstruction.local_model import LocalModelSettings
-from reconstruction.motion import Pose
-from reconstruction.motion_operations import leg_length
 from reconstruction.mounting import Mounting
-from reconstruction.rotations import inverse, mean_of_sum, multiply, outer_sum
+from reconstruction.segments import NAMES, SEGMENTS, scaled
+from reconstruction.similar_moments import Guess, SimilarMoments, Window, windows
 from reconstruction.skeleton import Skeleton
-from reconstruction.solver import Reconstructor, SolverSettings
 from reconstruction.stature import stature
-
-SEGMENTS = {
-    "thighs": ("left_lower_leg", "right_lower_leg"),
-    "shins": ("left_foot", "right_foot"),
-    "hips": ("left_upper_leg", "right_upper_leg"),
-    "torso": ("spine", "chest", "upper_chest", "neck"),
-    "head": ("head",),
-    "shoulders": ("left_upper_arm", "right_upper_arm"),
-    "upper arms": ("left_lower_arm", "right_lower_arm"),
-    "forearms": ("left_hand", "right_hand"),
-}
-"""Lengths that are fitted, and the humanoid bones whose offsets each scales: left and right are alike."""
+from reconstruction.t_pose import TPose, found_t_pose, mean_orientations, mean_positions, t_pose
+from reconstruction.tracker_matching import planar_fit
 
 SEGMENT_SPREAD = 0.06
 """Standard deviation of a segment's share of the stature among adults, as a ratio (after Drillis and Contini, 1966)."""
-STATURE_SPREAD = 0.08
-"""Standard deviation of adult stature as a ratio of its mean, both sexes together."""
+STATURE_SPREAD = 0.10
+"""Standard deviation of stature as a ratio of its mean: adults of both sexes have 0.06; some are young."""
 OFFSET_SPREAD_M = 0.03
 """Metres, standard deviation of a tracker's mounting offset on each axis."""
 
@@ -106,14 +90,6 @@ class Profile:
             raise FileError(f"{path}: not a performer's profile; make one with 'sixpoint calibrate'") from None
 
 
-class Grade(Enum):
-    """How good a calibration is."""
-
-    GOOD = "good"
-    USABLE = "usable"
-    POOR = "poor"
-
-
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
     """What calibrating found, and how far it can be trusted.
@@ -134,16 +110,6 @@ class CalibrationResult:
     t_pose_s: tuple[float, float] | None = None
 
 
-def scaled(body: Skeleton, scales: dict[str, float]) -> Skeleton:
-    """The body with its segments scaled; segments not named keep the stature's scale."""
-    ratio = np.full(len(body), scales.get("stature", 1.0))
-    for name, bones in SEGMENTS.items():
-        for bone in bones:
-            if bone in body.humanoid:
-                ratio[body.humanoid[bone]] *= scales.get(name, 1.0)
-    return replace(body, offsets=body.offsets * ratio[:, None])
-
-
 def calibrate(
     frames: Sequence[TrackerFrame],
     database: MotionDatabase,
@@ -158,43 +124,132 @@ def calibrate(
     of frames have two trackers or more.
     """
     usable = [frame for frame in frames if frame.measured.sum() >= 2]
-    if len(usable) < 0.5 * database.fps:
+    if not usable or usable[-1].time_s - usable[0].time_s < 0.5:
         raise SettingError(f"{len(usable)} frames with two trackers or more: calibration needs some seconds")
-    body = database.space.skeleton
-    profile = Profile({"stature": _first_stature(usable, database, stature_m)}, Mounting.at_the_joints(), np.inf)
-    known = None if stature_m is None else profile.scales["stature"]
-    for number in range(10):
-        profile = _refined(profile, usable, database, body, known)
-        progress(number + 1, 10)
-    grade = Grade.GOOD if profile.residual_cm < 1.5 else Grade.USABLE if profile.residual_cm < 4 else Grade.POOR
-    height = stature(profile.skeleton(body))
-    profile = replace(profile, verdict=grade.value, height_m=height, made=date.today().isoformat())
-    seen = np.any([frame.measured for frame in usable], axis=0)
-    roles = [role for role, there in zip(ROLES, seen, strict=True) if there]
-    unknown = dict.fromkeys((*SEGMENTS, *roles), np.nan)
-    return CalibrationResult(profile, dict.fromkeys(roles, profile.residual_cm), unknown, grade, grade.value)
+    held = t_pose_s or found_t_pose(usable)
+    work = _Work(database, usable, held, stature_m)
+    found = work.run(progress)
+    return _result(found, work, held)
 
 
-_NAMES = ("stature", *SEGMENTS)
-_SETTINGS = SolverSettings(
-    orientations=False,
-    relocalise=False,
-    tracker_sigma_m=0.005,
-    local=LocalModelSettings(pose_floor=0.04, step_floor=1.0),
-)
-"""Poses by the neighbours alone: a history solved on the wrong body would agree with itself."""
-_MOMENTS = 80
-"""Frames whose residuals are used, spread over all."""
+_CANDOUR = 1.4
+"""Times the posterior's own deviation, which takes moments for more independent than they are: by errors on made-up
+bodies in motion capture (`sixpoint evaluate calibration`)."""
+MOMENTS = 100
+"""Moments of the free movement that are used, spread over all."""
+ROUNDS = 6
 _INDEPENDENCE = 0.3
-"""How much one of them counts, since neighbouring moments err alike."""
-_FREE_ROOT_M = 0.1
-"""Metres and radians: how far the root's place and facing are unknown beside what the prior says."""
+"""How much a moment counts, since neighbouring ones err alike."""
+_SIGMA_M = 0.004
+"""Metres: what neither noise nor pose explains, such as skin and straps that move."""
+_SIGMA_RAD = 0.06
+"""Radians: noise of an orientation, and what straps and skin turn."""
+_FLOOR_M = 0.015
+"""Metres: how far the performer's floor is from the database's."""
+_HABIT_RAD = 0.015
+"""Radians about each axis by which a person's joints differ from the database's people all the time."""
 
 
-def _first_stature(frames: Sequence[TrackerFrame], database: MotionDatabase, stature_m: float | None) -> float:
-    """Ratio to the database's body: of statures where one is given, else of the highest head or root seen."""
-    if stature_m is not None:
-        return stature_m / stature(database.space.skeleton)
+class _Work:
+    """One calibration in progress."""
+
+    def __init__(
+        self,
+        database: MotionDatabase,
+        frames: Sequence[TrackerFrame],
+        held: tuple[float, float] | None,
+        stature_m: float | None,
+    ) -> None:
+        self.database, self.body = database, database.space.skeleton
+        self.pose = t_pose(database)
+        self.similar = SimilarMoments(database)
+        free = frames if held is None else [f for f in frames if not held[0] <= f.time_s <= held[1]]
+        self.seen = windows(free, MOMENTS) if len(free) > 1 else []
+        self.held = [] if held is None else [frame for frame in frames if held[0] <= frame.time_s <= held[1]]
+        self.statements = [] if stature_m is None else [_height_statement(stature_m / stature(self.body))]
+        self.start = _first_stature(frames, database) if stature_m is None else stature_m / stature(self.body)
+        habit = np.full(database.space.dof, _HABIT_RAD)
+        habit[[0, 2, 4]] = 1e-4
+        habit[1] = _FLOOR_M
+        self.prior = FitPrior(_expected(1.0 if self.held else self.start), _spreads(), habit)
+        self.fit = BodyFit(database, self.prior, _SIGMA_M, _SIGMA_RAD)
+
+    def run(self, progress: Progress) -> Fit:
+        found = None
+        first = [_t_pose_moment(self.held, self.pose)] if self.held else []
+        if first:
+            found = self.fit.fit(first, self.statements, None, 5)
+        progress(1, ROUNDS + 1)
+        for number in range(ROUNDS if self.seen else 0):
+            moments = self._moments(found)
+            found = self.fit.fit([*first, *moments], self.statements, found, 2)
+            progress(number + 2, ROUNDS + 1)
+        if found is None:
+            raise SettingError("neither a T-pose nor movement was seen: calibration needs some seconds of them")
+        return found
+
+    def _moments(self, found: Fit | None) -> list[Moment]:
+        """What the database says of every window on the body found so far."""
+        theta = self.prior.mean if found is None else found.theta
+        habit = np.zeros(self.database.space.dof) if found is None else found.habit
+        unsure = np.full(len(ROLES), _UNSURE_M) if found is None else self._unsure(found)
+        moments = self.similar.moments(self.seen, self._guess(theta, habit), unsure)
+        return [replace(moment, weight=_INDEPENDENCE) for moment in moments]
+
+    def _guess(self, theta: NDArray[np.float64], habit: NDArray[np.float64]) -> Guess:
+        skeleton = self.fit.skeleton(theta)
+        return Guess(skeleton, self.fit.legs(theta), theta[len(NAMES) :].reshape(len(ROLES), 3), habit)
+
+    def swapped(self) -> tuple[str, ...]:
+        """The two roles, or all of both sides, whose trackers fit clearly better the other way round; or none."""
+        if not self.seen:
+            return ()
+        few = self.seen[:: max(1, len(self.seen) // _SWAP_MOMENTS)]
+        roles = np.flatnonzero(np.isfinite([window.middle[:, 0] for window in few]).any(axis=0)).tolist()
+        swaps: list[tuple[tuple[int, int], ...]] = [(), *(((a, b),) for a, b in combinations(roles, 2))]
+        if set(range(2, 6)) <= set(roles):
+            swaps.append(((2, 3), (4, 5)))
+        guess = self._guess(_expected(self.start), np.zeros(self.database.space.dof))
+        candidates = [[_exchanged(window, pairs) for window in few] for pairs in swaps]
+        misfits = self.similar.misfits(candidates, guess, np.full(len(ROLES), _UNSURE_M))
+        best = int(np.argmin(misfits))
+        if misfits[best] > _SWAP_GAIN * misfits[0]:
+            return ()
+        return tuple(ROLES[role] for pair in swaps[best] for role in pair)
+
+    def _unsure(self, found: Fit) -> NDArray[np.float64]:
+        """(6,) metres by which trackers may be off."""
+        first = len(NAMES)
+        variance = np.diag(found.covariance)[first : first + 3 * len(ROLES)].reshape(-1, 3)
+        return np.sqrt(variance.mean(axis=1))
+
+
+_UNSURE_M = 0.08
+"""Metres that a tracker may be off while nothing is known."""
+_SWAP_MOMENTS = 12
+_SWAP_GAIN = 0.75
+"""What is left of the distance to the database when swapped trackers are changed back."""
+
+
+def _exchanged(window: Window, pairs: Sequence[tuple[int, int]]) -> Window:
+    """The window with trackers changed round."""
+    order = np.arange(len(ROLES))
+    for a, b in pairs:
+        order[[a, b]] = order[[b, a]]
+    return Window(window.positions[:, order], window.orientations[order])
+
+
+def _t_pose_moment(frames: Sequence[TrackerFrame], pose: TPose) -> Moment:
+    """The T-pose as a moment: its place and facing by the trackers' own."""
+    positions = mean_positions(frames)
+    here = np.isfinite(positions[:, 0])
+    heading = planar_fit(pose.trackers[here], positions[here])
+    spread = np.diag(pose.spread**2)
+    return Moment(positions, mean_orientations(frames), heading, pose.q, spread, habitual=False)
+
+
+def _first_stature(frames: Sequence[TrackerFrame], database: MotionDatabase) -> float:
+    """Ratio to the database's body by the highest head or root seen; 1 where neither is."""
     seen = np.array([frame.positions[:, 1] for frame in frames])
     for role in ("head", "root"):
         heights = seen[:, ROLES.index(role)]
@@ -205,90 +260,43 @@ def _first_stature(frames: Sequence[TrackerFrame], database: MotionDatabase, sta
     return 1.0
 
 
-def _refined(
-    profile: Profile, frames: Sequence[TrackerFrame], database: MotionDatabase, body: Skeleton, known: float | None
-) -> Profile:
-    """One round: the poses on this profile's body, then the body that explains their residuals better."""
-    solver = Reconstructor(database, profile.skeleton(body), _SETTINGS, mounting=profile.mounting)
-    solver.start(frames[:1])
-    every = max(1, len(frames) // _MOMENTS)
-    curvature, pull, squares, turns = np.diag(_prior_precision(known)), np.zeros(len(_NAMES) + 18), [], []
-    pull -= np.diag(curvature) * (_parameters(profile) - _expected(known))
-    for number, frame in enumerate(frames):
-        pose = solver.solve(frame).pose
-        if number % every:
-            continue
-        effect, weight, error, off = _moment(solver, profile, body)
-        curvature = curvature + _INDEPENDENCE * effect.T @ weight @ effect
-        pull = pull + _INDEPENDENCE * effect.T @ weight @ error
-        squares.append(np.mean(np.sum(off**2, axis=1)))
-        turns.append(_turned(solver, pose, frame))
-    found = _parameters(profile) + np.linalg.solve(curvature, pull)
-    scales = {name: float(value) for name, value in zip(_NAMES, found, strict=False)}
-    mounting = Mounting(frozen(found[len(_NAMES) :].reshape(6, 3)), frozen(_mean_turns(np.array(turns))))
-    return Profile(scales, mounting, float(100 * np.sqrt(np.mean(squares))))
+def _expected(size: float) -> NDArray[np.float64]:
+    """(27,) the parameters' prior mean: the database's proportions, trackers in the joints."""
+    return np.concatenate(([size], np.ones(len(SEGMENTS)), np.zeros(3 * len(ROLES))))
 
 
-def _expected(known: float | None) -> NDArray[np.float64]:
-    """The parameters' prior mean: the database's proportions at the known stature, trackers in the joints."""
-    return np.concatenate(([1.0 if known is None else known], np.ones(len(SEGMENTS)), np.zeros(18)))
+def _spreads() -> NDArray[np.float64]:
+    """(27,) the parameters' prior standard deviations."""
+    lengths = [STATURE_SPREAD, *[SEGMENT_SPREAD] * len(SEGMENTS)]
+    return np.array([*lengths, *[OFFSET_SPREAD_M] * (3 * len(ROLES))])
 
 
-def _prior_precision(known: float | None) -> NDArray[np.float64]:
-    """One over the parameters' prior variances."""
-    size = STATURE_SPREAD if known is None else 0.005
-    spread = [size, *[SEGMENT_SPREAD] * len(SEGMENTS), *[OFFSET_SPREAD_M] * 18]
-    return np.array(spread) ** -2.0
+_SHARES = {"shins": 0.246, "thighs": 0.235, "torso": 0.288, "head": 0.05}
+"""Of the stature, as `standard_body` has it; the rest, feet and skull, goes with the stature."""
 
 
-def _parameters(profile: Profile) -> NDArray[np.float64]:
-    """All that is fitted (9 + 18,): scales in the order of `_NAMES`, offsets by role."""
-    return np.concatenate(([profile.scales.get(name, 1.0) for name in _NAMES], profile.mounting.offsets.ravel()))
+_HEIGHT_ROW = np.array([1.0, *(_SHARES.get(name, 0.0) for name in SEGMENTS), *np.zeros(3 * len(ROLES))])
+"""What the parameters do to the height: the segments that stand on each other, to first order."""
 
 
-def _moment(solver: Reconstructor, profile: Profile, body: Skeleton) -> tuple[NDArray[np.floating], ...]:
-    """Of the frame just solved: what the parameters do to the trackers at the prior's mean (3 E, 27), the residuals'
-    weight with the pose integrated out (3 E, 3 E), the residuals (3 E,), and those that solving left (E, 3)."""
-    problem = solver.problem
-    mean, points = problem.prior.mean, problem.effectors
-    state = BodyState.of(len(body))
-    place(problem.body, mean, state)
-    error = -residuals(points, state) / np.repeat(points.weights, 3)
-    j = jacobian(problem.body, points, state, len(mean)) / np.repeat(points.weights, 3)[:, None]
-    spread = np.linalg.inv(problem.prior.precision)
-    spread[[0, 2, 4], [0, 2, 4]] += _FREE_ROOT_M**2
-    covariance = j @ spread @ j.T + np.diag(np.repeat(points.weights, 3) ** -2.0)
-    effect = np.zeros((len(error), len(_NAMES) + 18))
-    for number, name in enumerate(_NAMES):
-        longer = profile.scales | {name: profile.scales.get(name, 1.0) + 1e-4}
-        other = Body.of(solver.space.with_skeleton(scaled(body, longer)))
-        moved = BodyState.of(len(body))
-        raised = mean.copy()
-        if name in ("stature", "thighs", "shins"):
-            raised[1] *= leg_length(scaled(body, longer)) / leg_length(profile.skeleton(body))
-        place(other, raised, moved)
-        effect[:, number] = (moved.position[points.joints] - state.position[points.joints]).ravel() / 1e-4
-    roles = [int(np.flatnonzero(solver.role_joints == joint)[0]) for joint in points.joints]
-    for row, role in enumerate(roles):
-        columns = slice(len(_NAMES) + 3 * role, len(_NAMES) + 3 * role + 3)
-        effect[3 * row : 3 * row + 3, columns] = state.world[points.joints[row]]
-    place(problem.body, solver.solved, state)
-    left = residuals(points, state).reshape(-1, 3) / points.weights[:, None]
-    return effect, np.linalg.inv(covariance), error, left
+def _height_statement(ratio: float) -> Statement:
+    """A measured height, over that of the database's body."""
+    return Statement(_HEIGHT_ROW, ratio + sum(_SHARES.values()), 0.01)
 
 
-def _turned(solver: Reconstructor, pose: Pose, frame: TrackerFrame) -> NDArray[np.float64]:
-    """`R_joint_tracker` (6, 4) of one frame, NaN where there is no orientation."""
-    _, world = world_joints(solver.skeleton, pose.root_position, pose.rotations)
-    joints = Rotation.from_matrix(world[solver.role_joints]).as_quat()
-    return multiply(inverse(joints), frame.orientations)
-
-
-def _mean_turns(turns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean rotations (6, 4) of (T, 6, 4) with NaN gaps; the identity where there are none."""
-    out = np.tile([0.0, 0.0, 0.0, 1.0], (len(ROLES), 1))
-    for role in range(len(ROLES)):
-        there = turns[np.isfinite(turns[:, role, 0]), role]
-        if len(there):
-            out[role] = mean_of_sum(outer_sum(there))
-    return out
+def _result(found: Fit, work: _Work, held: tuple[float, float] | None) -> CalibrationResult:
+    """In a person's units, and judged."""
+    height = stature(work.body) * (float(_HEIGHT_ROW @ found.theta) - sum(_SHARES.values()))
+    seen = np.asarray(np.isfinite(found.residuals).any(axis=0))
+    roles = [role for role, there in zip(ROLES, seen, strict=True) if there]
+    left = 100 * np.sqrt(np.nanmean(found.residuals[:, seen] ** 2, axis=0))
+    known = {name: 100 * _CANDOUR * value for name, value in deviations(found, work.body).items()}
+    evidence = Evidence(
+        found, work.database.space, height, known, roles, work.swapped(), len(work.seen), bool(work.held)
+    )
+    judgement = judged(evidence)
+    whole = float(np.sqrt(np.mean(left**2)))
+    today = date.today().isoformat()
+    profile = Profile(found.scales, found.mounting, whole, judgement.verdict, height, today)
+    residuals = dict(zip(roles, left.tolist(), strict=True))
+    return CalibrationResult(profile, residuals, known, judgement.grade, judgement.verdict, judgement.advice, held)

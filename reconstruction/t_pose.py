@@ -12,9 +12,10 @@ from devices.frame import TrackerFrame
 from devices.sample import ROLES
 from reconstruction.database import MotionDatabase
 from reconstruction.kinematics import world_joints
+from reconstruction.rotations import mean_of_sum, outer_sum
 from reconstruction.skeleton import Skeleton
 
-STILL_M = 0.03
+STILL_M = 0.05
 """Metres: trackers that stay within that, noise aside, are held still."""
 _HELD_S = 0.6
 """Seconds, the least that counts as held."""
@@ -27,12 +28,12 @@ _ROOT, _HEAD, _LEFT, _RIGHT = (ROLES.index(role) for role in ("root", "head", "l
 class TPose:
     """A pose q (D,) of the database's space, seen from its own heading frame, and its standard deviations (D,).
 
-    floor_spread_m: how far the floors of the database's clips are from being one: part of the root height's spread.
+    trackers: (6, 3) metres, the tracked joints in it.
     """
 
     q: NDArray[np.float64]
     spread: NDArray[np.float64]
-    floor_spread_m: float
+    trackers: NDArray[np.float64]
 
 
 def hint(positions: NDArray[np.float64]) -> str:
@@ -103,6 +104,17 @@ def mean_positions(frames: Sequence[TrackerFrame]) -> NDArray[np.float64]:
     return np.where(count > 0, np.nansum(seen, axis=0) / np.maximum(count, 1), np.nan)
 
 
+def mean_orientations(frames: Sequence[TrackerFrame]) -> NDArray[np.float64]:
+    """(6, 4) mean rotations over the frames that have the role's, NaN where none has."""
+    seen = np.array([frame.orientations for frame in frames])
+    out = np.full(seen.shape[1:], np.nan)
+    for role in range(len(out)):
+        there = seen[np.isfinite(seen[:, role, 0]), role]
+        if len(there):
+            out[role] = mean_of_sum(outer_sum(there[:, None]))[0]
+    return out
+
+
 def _near(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     away = np.linalg.norm(a - b, axis=1)
     return bool(np.all(away[np.isfinite(away)] < STILL_M))
@@ -160,33 +172,36 @@ def t_pose(database: MotionDatabase) -> TPose:
     q = space.coordinates(np.array([[0.0, q[1], 0.0]]), rotations[None], np.zeros(3))[0]
     joints, _ = world_joints(skeleton, np.zeros(3), rotations)
     ankles = [skeleton.role_joint(role) for role in ("left_ankle", "right_ankle")]
-    standing, floor_spread = _ankle_height(database)
+    standing, _ = floors(database)
     q[1] = standing - joints[ankles, 1].mean()
-    return TPose(q, _spread(database, floor_spread), floor_spread)
+    trackers = joints[[skeleton.role_joint(role) for role in ROLES]] + (0.0, q[1], 0.0)
+    return TPose(q, _spread(database), trackers)
 
 
-def _ankle_height(database: MotionDatabase) -> tuple[float, float]:
-    """Metres: the ankles' height over the floor while they carry the body, and its deviation from clip to clip.
+def floors(database: MotionDatabase) -> tuple[float, NDArray[np.float64]]:
+    """Metres: the height of ankles that carry the body over the floor, and how high each clip's floor is (clips,).
 
-    Motion capture's floors are not all at zero; medians let a few be far off.
+    Motion capture's floors are not all at zero; most are near it, so that the median of all clips is.
     """
     ankles = [ROLES.index("left_ankle"), ROLES.index("right_ankle")]
-    low = [
-        np.percentile(np.asarray(database.tracks[clip.first : clip.first + clip.frames])[:, ankles, 1].min(axis=1), 10)
-        for clip in database.clips
-    ]
-    height = float(np.median(low))
-    return height, max(_HEIGHT_SPREAD_M, float(1.48 * np.median(np.abs(np.array(low) - height))))
+    low = np.array(
+        [
+            np.percentile(
+                np.asarray(database.tracks[clip.first : clip.first + clip.frames])[:, ankles, 1].min(axis=1), 10
+            )
+            for clip in database.clips
+        ]
+    )
+    return float(np.median(low)), low - np.median(low)
 
 
-def _spread(database: MotionDatabase, floor_spread_m: float) -> NDArray[np.float64]:
+def _spread(database: MotionDatabase) -> NDArray[np.float64]:
     """(D,) standard deviations of a held T-pose; the root's place and facing are anywhere."""
     names = {joint: bone.removeprefix("left_").removeprefix("right_") for bone, joint in _humanoid(database)}
     spread = np.full(database.space.dof, 0.03)
     for number, joint in enumerate(database.space.moving):
         spread[6 + 3 * number : 9 + 3 * number] = _LOOSE.get(names.get(int(joint), ""), 0.03)
-    height = float(np.hypot(_HEIGHT_SPREAD_M, floor_spread_m))
-    spread[:6] = 10.0, height, 10.0, _LOOSE["hips"], 3.0, _LOOSE["hips"]
+    spread[:6] = 10.0, _HEIGHT_SPREAD_M, 10.0, _LOOSE["hips"], 3.0, _LOOSE["hips"]
     return spread
 
 

@@ -1,14 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from devices.errors import FileError, SettingError
 from devices.frame import TrackerFrame
 from devices.sample import ROLES
-from reconstruction.calibration import SEGMENTS, Profile, calibrate, scaled
+from reconstruction.calibration import Profile, calibrate
+from reconstruction.calibration_verdict import Grade
 from reconstruction.kinematics import world_joints
 from reconstruction.motion_operations import retargeted
 from reconstruction.mounting import Mounting
-from reconstruction.rotations import exponential
+from reconstruction.rotations import exponential, inverse, logarithm, multiply
+from reconstruction.segments import SEGMENTS, scaled
 from reconstruction.solver import reconstruct
 from tests.reconstruction.conftest import strolling
 from tests.reconstruction.test_effectors import frames_of, readings
@@ -21,8 +25,13 @@ def test_a_body_and_its_trackers_are_found(database):
     rng = np.random.default_rng(0)
     worn = Mounting(rng.uniform(-0.04, 0.04, (6, 3)), exponential(rng.normal(0, 0.5, (6, 3))))
     performer = scaled(body, scales)
-    profile = calibrate(frames_of(*readings(retargeted(strolling(60, 240), performer), worn)), database).profile
-    assert profile.verdict == "good"
+    result = calibrate(frames_of(*readings(retargeted(strolling(60, 240), performer), worn)), database)
+    profile = result.profile
+    assert result.grade is Grade.USABLE
+    assert "T-pose" in result.verdict
+    assert result.t_pose_s is None
+    assert set(result.deviations_cm) == {*SEGMENTS, *ROLES}
+    assert set(result.residuals_cm) == set(ROLES)
 
     def lengths(skeleton):
         return np.linalg.norm(skeleton.offsets, axis=1)[1:]
@@ -39,6 +48,32 @@ def test_a_body_and_its_trackers_are_found(database):
 def test_a_known_stature_is_kept(database):
     frames = frames_of(*readings(strolling(61, 60), Mounting.at_the_joints()))
     assert calibrate(frames, database, stature_m=1.75).profile.scales["stature"] == pytest.approx(1.0, abs=0.03)
+
+
+def test_calibrating_works_at_any_rate_and_through_pauses(database):
+    slow = strolling(63, 120)
+    frames = frames_of(*readings(slow, Mounting.at_the_joints()))
+    double = [replace(frame, time_s=frame.time_s + shift) for frame in frames for shift in (0.0, 1 / 120)]
+    later = [replace(frame, time_s=frame.time_s + 100) for frame in frames]
+    plain = calibrate(frames, database).profile
+    for other in (double, frames[::2], [*frames, *later]):
+        found = calibrate(other, database).profile
+        assert found.scales["stature"] == pytest.approx(plain.scales["stature"], abs=0.03)
+
+
+def test_swapped_trackers_are_named(database):
+    where, turned = readings(strolling(64, 180), Mounting.at_the_joints())
+    order = [0, 1, 3, 2, 4, 5]
+    result = calibrate(frames_of(where[:, order], turned[:, order]), database)
+    assert result.grade is Grade.POOR
+    assert "left wrist and right wrist look swapped" in result.verdict
+
+
+def test_mounted_turns_are_found(database):
+    worn = Mounting(np.zeros((6, 3)), exponential(np.random.default_rng(5).normal(0, 0.5, (6, 3))))
+    profile = calibrate(frames_of(*readings(strolling(65, 240), worn)), database).profile
+    off = logarithm(multiply(inverse(profile.mounting.rotations), worn.rotations))
+    assert np.degrees(np.linalg.norm(off, axis=1)).max() < 12
 
 
 def test_a_subset_of_trackers_is_enough_to_run(database):
