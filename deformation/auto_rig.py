@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformation.auto_rig_extremities import Extremities, human_extremities, limb_tips, standing_tips
-from deformation.auto_rig_hand import LineOf, alone_hand, finger_joints, hand_field
+from deformation.auto_rig_hand import LineOf, alone_hand, finger_joints, hand_field, looks_like_a_hand
 from deformation.auto_rig_human import human_joints
 from deformation.auto_rig_quadruped import quadruped_extremities, quadruped_joints
 from deformation.character_files import Rig
@@ -218,11 +218,21 @@ def _found(graph: SurfaceGraph, tips: list[int], finding: _Finding, settings: Ri
         if settings.template != "auto":
             raise
         before = dict(finding.lines)
-        try:
-            return _hand(graph, tips, finding)
-        except SixpointError:
-            finding.lines = before
+        hand = _hand_if_one(graph, tips, finding)
+        if hand is not None:
+            return hand
+        finding.lines = before
         raise
+
+
+def _hand_if_one(graph: SurfaceGraph, tips: list[int], finding: _Finding) -> Found | None:
+    """What is neither person nor animal may be a hand."""
+    try:
+        found = _hand(graph, tips, finding)
+    except SixpointError:
+        return None
+    side = found[1][0][0].removesuffix("_hand")
+    return found if looks_like_a_hand(side, found[2]) else None
 
 
 def _animal(graph: SurfaceGraph, tips: list[int], finding: _Finding) -> Found:

@@ -36,6 +36,9 @@ _CUT = 0.1
 _AT_WRIST = 0.4
 """And no farther from the wrist's joint than that."""
 
+_CLOSE = 0.6
+"""Roots of neighbouring fingers are nearer to each other than that share of a finger's length."""
+
 _BEND_NEAR = 0.3
 """A bend is a phalanx's joint if it lies so near to its place, as a share of that phalanx."""
 
@@ -114,6 +117,20 @@ def alone_hand(graph: SurfaceGraph, tips: list[int], rim: NDArray[np.int64], lin
     side = _side(wrist, joints)
     named = {name.replace("left", side, 1): place for name, place in joints.items()}
     return side, {f"{side}_hand": wrist} | named
+
+
+def looks_like_a_hand(side: str, joints: Joints) -> bool:
+    """Whether it has a thumb and four fingers that point one way from roots close together, as no body's limbs do."""
+    wrist = joints[f"{side}_hand"]
+    roots = [joints.get(f"{side}_{finger}_proximal") for finger in FINGER_NAMES[1:]]
+    if any(root is None for root in roots):
+        return False
+    bases = np.array(roots)
+    fingers = np.array([joints[f"{side}_{finger}_distal_end"] for finger in FINGER_NAMES[1:]]) - bases
+    lengths = np.linalg.norm(fingers, axis=1)
+    way = bases.mean(axis=0) - wrist
+    apart = np.linalg.norm(np.diff(bases, axis=0), axis=1)
+    return bool((fingers @ way > 0).all() and apart.max() < _CLOSE * np.median(lengths))
 
 
 def _stump(graph: SurfaceGraph, tips: list[int]) -> int:

@@ -183,7 +183,7 @@ def _leg(
     hip = middle + (hip_height - middle[1]) / direction[1] * direction
     hip[2] = (hip[2] + trunk_middle(body, hip_height)[2]) / 2
     ankle_arc = line.nearest_arc(ankle)
-    whole = line.length + float(np.linalg.norm(hip - line.points[-1]))
+    whole = 0.75 * line.length + float(np.linalg.norm(hip - line.at(0.75 * line.length)))
     below = _NARROWEST_TO_KNEE * body.height
     knee = _middle_joint(line, ankle_arc, whole, 1 - template.knee, line.between(ankle_arc, line.length), below)
     tip = body.place(name)

@@ -13,8 +13,8 @@ from devices.frame import frozen
 _STEP = 0.01
 """Metres between slices as a share of the mesh's height."""
 
-_LEAST_GIRTH = 0.8
-"""A tube's ring is around the limb, and no eye or nail on it, if its girth is that share of the slice's or more."""
+_LEAST_GIRTH, _MOST_GIRTH = 0.8, 1.5
+"""A tube's ring is around the limb, no eye or nail on it and no curve along it, between those shares of the slice's."""
 
 _MOST_LONELY = 0.5
 """Where more of a limb's slices than that have no curve near, curves and slices would alternate: then slices alone."""
@@ -47,7 +47,12 @@ class LimbCurves:
         around = [np.interp(levels, sliced.levels, sliced.centres[:, i]) for i in range(3)]
         girth = np.interp(levels, sliced.levels, sliced.girths)
         away = np.linalg.norm(self.rings.centres - np.stack(around, axis=1), axis=1)
-        fits = (self.rings.girths > _LEAST_GIRTH * girth) & (away < girth / (2 * np.pi)) & (levels < reach)
+        fits = (
+            (self.rings.girths > _LEAST_GIRTH * girth)
+            & (self.rings.girths < _MOST_GIRTH * girth)
+            & (away < girth / (2 * np.pi))
+            & (levels < reach)
+        )
         if not fits.any():
             return sliced, 0
         lonely = np.abs(sliced.levels[:, None] - levels[fits]).min(axis=1) > gap

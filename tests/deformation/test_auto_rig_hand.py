@@ -105,3 +105,10 @@ def test_the_fingers_of_another_make() -> None:
             for number, part in enumerate(parts, start=1):
                 off.append(np.linalg.norm(found[f"{side}_{ours}_{part}"] - truth[f"{theirs}_0{number}_{side[0]}"]))
     assert np.mean(off) < 0.03
+
+
+def test_a_body_is_no_hand_for_having_five_limbs(body) -> None:
+    mesh = body[0]
+    upside_down = mesh.with_vertices(mesh.vertices * [1, -1, 1])
+    with pytest.raises(RigNotFound, match=r"no person|not parted|stand clear"):
+        rig_mesh(upside_down)
