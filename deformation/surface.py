@@ -10,6 +10,9 @@ from deformation.kernel import kernel
 from deformation.lattice import Lattice
 from deformation.mesh import Mesh, vertex_normals
 
+_NO_AREA = 1e-300
+"""Squared area vector below which a normal stays zero."""
+
 _SAME_WAY = np.cos(np.radians(40))
 """Vertices in one place whose normals are this near to their mean are one vertex cut by a seam."""
 
@@ -53,6 +56,7 @@ class Surface:
     def __init__(self, mesh: Mesh, lattice: Lattice) -> None:
         self._quads, self._triangles, self._seams = mesh.quads, mesh.triangles, seams(mesh)
         self._cells = lattice.cells
+        self._lengths = np.empty(len(mesh.vertices))
         self._order = np.argsort(lattice.vertex_cells, kind="stable").astype(np.int32)
         self._first = np.searchsorted(lattice.vertex_cells[self._order], np.arange(len(lattice.cells) + 1)).astype(
             np.int32
@@ -65,7 +69,7 @@ class Surface:
 
     def normals(self, vertices: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Writes area-weighted unit normals (V, 3), one at each seam."""
-        _normals(vertices, self._quads, self._triangles, self._seams.first, self._seams.members, out)
+        _normals(vertices, self._quads, self._triangles, self._seams.first, self._seams.members, self._lengths, out)
 
 
 @kernel
@@ -98,7 +102,7 @@ def _ride(particles, cells, first, order, fractions, out):
 
 
 @kernel
-def _normals(vertices, quads, triangles, seam_first, seam_members, out):
+def _normals(vertices, quads, triangles, seam_first, seam_members, lengths, out):
     """Adds each face's area vector to its corners: a quad's is half the cross product of its diagonals."""
     out[:] = 0.0
     for q in range(len(quads)):
@@ -127,12 +131,14 @@ def _normals(vertices, quads, triangles, seam_first, seam_members, out):
         for m in range(seam_first[s], seam_first[s + 1]):
             n = seam_members[m]
             out[n, 0], out[n, 1], out[n, 2] = x, y, z
+    for n in range(len(out)):  # three loops: the roots in one of their own run on vector units
+        lengths[n] = out[n, 0] * out[n, 0] + out[n, 1] * out[n, 1] + out[n, 2] * out[n, 2]
     for n in range(len(out)):
-        size = np.sqrt(out[n, 0] ** 2 + out[n, 1] ** 2 + out[n, 2] ** 2)
-        scale = 1.0 / size if size > 0 else 0.0
-        out[n, 0] *= scale
-        out[n, 1] *= scale
-        out[n, 2] *= scale
+        lengths[n] = 1.0 / np.sqrt(max(lengths[n], _NO_AREA))
+    for n in range(len(out)):
+        out[n, 0] *= lengths[n]
+        out[n, 1] *= lengths[n]
+        out[n, 2] *= lengths[n]
 
 
 def normals_reference(mesh: Mesh, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
