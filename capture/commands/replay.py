@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from capture.commands.options import CharacterName, Height, ProfileFile, Resolution
+from capture.commands.options import Height, ProfileFile
 from devices.errors import SettingError, SixpointError
 
 if TYPE_CHECKING:
     from capture.playing import PerformanceSource
     from capture.scenario import Played
+    from capture.solve_settings import SolveSettings
 
 
 def replay(
@@ -18,8 +19,8 @@ def replay(
     database: Annotated[
         str | None, typer.Option(help="A folder made by `database build`, or `library` for our own.")
     ] = None,
-    character: CharacterName = "mannequin",
-    resolution: Resolution = "medium",
+    character: Annotated[str | None, typer.Option(help="`mannequin`, or a character's file.")] = None,
+    resolution: Annotated[str | None, typer.Option(help="The mannequin's: low, medium or high.")] = None,
     height_m: Height = None,
     profile: ProfileFile = None,
     changes: Annotated[
@@ -38,23 +39,24 @@ def replay(
     from capture.viewer import has_display, show
 
     is_take = take.suffix.lower() in TAKES
-    if changes and not is_take:
-        raise SettingError(f"{take}: a motion is not solved; --with is for takes and tracks")
+    if compare and not is_take:
+        raise SettingError(f"{take}: a motion is not solved; --compare is for takes and tracks")
     if compare and not changes:
         raise SettingError("--compare needs --with: say which setting changes, such as --with solver.method=paper")
     who = {"performer__height_m": height_m, "performer__profile": None if profile is None else str(profile)}
-    before = said(take, database__path=database, **who)
+    look = {"character__mesh": character, "character__resolution": resolution}
+    before = said(take, database__path=database, **who, **look)
     after = apply_settings(before, changes or ())
     if not has_display():
         raise SixpointError("no display here to play in; `sixpoint demo --out DIR` and `sixpoint deform` make pictures")
-    right = _source(take.name, shown := played(take, after), character, resolution)
+    right = _source(take.name, shown := played(take, after), after)
     if not compare:
         show(right, title=f"sixpoint: {take.name}", actions=right.actions())
         return
     from capture.comparing import compared
     from capture.side_by_side import SideBySideSource
 
-    left = _source(take.name, original := played(take, before), character, resolution)
+    left = _source(take.name, original := played(take, before), before)
     assert original.solved
     assert shown.solved
     comparison = compared(take.name, original.solved, shown.solved)
@@ -62,11 +64,12 @@ def replay(
     show(both, title=f"sixpoint: {take.name}", actions=both.actions())
 
 
-def _source(name: str, shown: "Played", character: str, resolution: str) -> "PerformanceSource":
-    from capture.characters import cast
+def _source(name: str, shown: "Played", settings: "SolveSettings") -> "PerformanceSource":
+    from capture.character_settings import configured_cast, deform_settings
     from capture.playing import PerformanceSource
     from capture.progress import tell_all
 
-    chosen = cast(character, shown.performance.motion.skeleton, resolution, shown.reference)
+    look = settings.session.character
+    chosen = configured_cast(look, shown.performance.motion.skeleton, shown.reference)
     tell_all(chosen.notes)
-    return PerformanceSource(shown.performance, chosen, title=name)
+    return PerformanceSource(shown.performance, chosen, name, deform_settings(look))

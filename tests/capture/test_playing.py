@@ -151,6 +151,24 @@ def test_wrong_changes_are_told_before_anything_is_opened(tracks, changes, compa
         replay(tracks, changes=changes, compare=compare)
 
 
-def test_a_motion_is_not_solved_with_anything(clips):
+def test_a_motion_is_not_solved_in_two_ways(clips):
     with pytest.raises(SettingError, match="not solved"):
-        replay(clips / "run_1.bvh", changes=["solver.method=paper"])
+        replay(clips / "run_1.bvh", changes=["solver.method=paper"], compare=True)
+
+
+def test_a_replay_wears_what_the_settings_say(tracks, shown, monkeypatch):
+    from capture import viewer
+
+    opened = []
+    monkeypatch.setattr(viewer, "has_display", lambda: True)
+    monkeypatch.setattr(viewer, "show", lambda source, **rest: opened.append((source, rest)))
+    monkeypatch.setattr("capture.scenario.played", lambda path, settings: shown)
+    replay(tracks, resolution="low", changes=["character.delta=0.9", "character.volume=false"])
+    (source, rest) = opened.pop()
+    assert source.tuning.value("character.delta") == 0.9
+    assert source.tuning.value("character.volume") is False
+    assert {"P", "Tab"} <= rest["actions"].keys()
+    replay(tracks, resolution="low", changes=["character.delta=0.9"], compare=True)
+    (both, _) = opened.pop()
+    assert both.left.tuning.value("character.delta") == 0.6
+    assert both.right.tuning.value("character.delta") == 0.9
