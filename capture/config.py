@@ -24,7 +24,7 @@ class PerformerConfig(_Section):
     height_m: Annotated[float, Field(ge=0.8, le=2.5)] = 1.75
     """Stature in metres, barefoot; the database's skeleton is scaled to it."""
     profile: str = ""
-    """A file that `sixpoint calibrate` wrote: body size and how the trackers sit; then the height is not used."""
+    """A name or file of `sixpoint calibrate`: body size and how the trackers sit; then the height is not used."""
 
 
 class DatabaseConfig(_Section):
