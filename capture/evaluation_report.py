@@ -51,7 +51,8 @@ TITLES = {
 
 
 def markdown(experiment: Experiment) -> str:
-    """Every table, `degrees per degree of freedom / centimetres`, the least of each column in bold."""
+    """Every table, `degrees per degree of freedom / centimetres`, the least of each column in bold where there are
+    several."""
     split, plan = experiment.split, experiment.plan
     solved = len({score.clip for score in experiment.scores})
     lines = [
@@ -172,6 +173,8 @@ def write_without_actions(scores: Sequence[Score], folder: Path) -> list[Path]:
 
 
 def _least(table: Table, column: str, methods: Sequence[str]) -> tuple[float, float]:
+    if len(methods) == 1:
+        return -1.0, -1.0
     there = [table[m, column] for m in methods if (m, column) in table]
     return min(round(row.euler_deg, 2) for row in there), min(round(row.mpjpe_cm, 2) for row in there)
 
