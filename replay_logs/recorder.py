@@ -25,9 +25,11 @@ from replay_logs.foxglove import (
     mark_message,
     pose_message,
 )
+from replay_logs.packed_index import PackedIndex
 from replay_logs.take import MARKS_TOPIC, METADATA_NAME, RAW_ENCODING, SETTINGS_TOPIC, RecordedDevice
 
 _FLUSH_EVERY_NS = 150_000_000
+_CHUNK_INDICES = "_Writer__chunk_indices"
 
 
 class TakeRecorder:
@@ -46,6 +48,8 @@ class TakeRecorder:
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error.strerror}") from None
         self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        # The writer has no option for it; `test_the_index_of_a_take_is_packed` tells if its name changes.
+        setattr(self._writer, _CHUNK_INDICES, PackedIndex())
         self._writer.start(profile="sixpoint")
         self._writer.add_metadata(METADATA_NAME, _about() | dict(metadata or {}))
         self._schemas: dict[str, int] = {}

@@ -4,9 +4,11 @@ import json
 import resource
 import time
 from dataclasses import replace
+from io import BytesIO
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from devices.driver import Driver, RawChunk, Reading
 from devices.errors import FileError, SettingError
@@ -67,6 +69,18 @@ def test_other_tools_find_poses_in_it(tmp_path):
     assert pose["timestamp"]["sec"] * 10**9 + pose["timestamp"]["nsec"] == first.host_time_ns
     assert tuple(pose["pose"]["position"].values()) == pytest.approx(first.position, abs=1e-6)
     assert tuple(pose["pose"]["orientation"].values()) == pytest.approx(first.orientation, abs=1e-6)
+
+
+def test_the_index_of_a_take_is_packed_and_other_tools_seek_by_it(tmp_path):
+    assert isinstance(Writer(BytesIO())._Writer__chunk_indices, list)
+    path = tmp_path / "a.mcap"
+    record_simulated(path, waving(1, 3.0), {"1": "root"})
+    with path.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 10
+        middle = START_NS + 1_500_000_000
+        found = list(make_reader(file).iter_messages(starting_at=middle, ending_before=middle + 500_000_000))
+    assert 29 <= len([message for _, channel, message in found if channel.topic == "/devices/suit/raw"]) <= 32
 
 
 def test_marks_stand_in_a_take_and_other_tools_read_them_as_a_log(tmp_path):
