@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from capture.accuracy import SKIPPED_S, accuracy
 from capture.comparing import solution_figures
@@ -138,10 +137,9 @@ def kept(job: Job) -> Outcome | None:
 
 
 def solve_job(job: Job) -> Outcome:
-    """Does it, with one thread in numerical libraries; what a user can mend is told in the outcome, not raised."""
+    """Does it; what is wrong with a take is told in the outcome, not raised."""
     try:
-        with threadpool_limits(1):
-            return _solved(job)
+        return _solved(job)
     except (SixpointError, OSError) as error:
         return failed(job, str(error))
     except Exception as error:  # one take must not end the others, whatever is wrong with it

@@ -5,6 +5,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from capture.latency import percentiles_ms
 from capture.profiles import load_profile
@@ -71,12 +72,14 @@ def solve_with(
 ) -> SolvedTake:
     """Every frame of a `.mcap` take or a `.csv` of tracks, solved with these settings (their database apart).
 
-    Raises FileError and SettingError.
+    With one thread in numerical libraries, whatever the environment says: sums that several threads share are added up
+    in another order, and the same take must give the same bits. Raises FileError and SettingError.
     """
     frames = frames_with(take, database.fps, settings)
     body = _performer_of(database, settings)
-    solver = Reconstructor(database, body.skeleton, settings.solver, mounting=body.mounting)
-    return SolvedTake(frames, solver.solve_take(frames, progress))
+    with threadpool_limits(1):
+        solver = Reconstructor(database, body.skeleton, settings.solver, mounting=body.mounting)
+        return SolvedTake(frames, solver.solve_take(frames, progress))
 
 
 def frames_with(take: Path, fps: float, settings: SolveSettings) -> list[TrackerFrame]:

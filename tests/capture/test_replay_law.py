@@ -71,7 +71,8 @@ def test_another_process_gives_the_same_bits(run, database, tmp_path):
         here, there = tmp_path / f"{name}_here.npz", tmp_path / f"{name}_there.npz"
         words = [str(tmp_path / f"{name}.mcap"), "--database", str(database)]
         assert run("reconstruct", *words, "--out", here)[0] == 0
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "3"}
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "3")
+        environment = os.environ | {"PYTHONPATH": str(ROOT)} | threads
         command = [sys.executable, "-m", "capture.cli", "reconstruct", *words, "--out", str(there)]
         done = subprocess.run(command, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
