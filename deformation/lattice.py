@@ -147,7 +147,7 @@ def cell_size_for(mesh: Mesh, particles: int) -> float:
     for _ in range(_TRIES):
         count, _ = _corner_particles(_pieces(_voxelised(points, triangles, size), points, triangles, VOXELS_PER_CELL))
         tried[size] = abs(count - particles)
-        if tried[size] <= 0.01 * particles:
+        if tried[size] <= 0.02 * particles:
             break
         size *= float((count / particles) ** (1 / 2.4))
     return min(tried, key=lambda size: tried[size])
