@@ -26,6 +26,27 @@ class Measurement:
     orientation_sigma: float
 
 
+def and_lost(
+    seen: Effectors,
+    unseen_s: NDArray[np.float64],
+    stray_m_s: float,
+    role_joints: NDArray[np.int64],
+    mounting: Mounting,
+) -> Effectors:
+    """Effectors with lost trackers added, for what they still tell of uncertainty: their targets are nowhere.
+
+    unseen_s: (6,) seconds since each was measured, 0 for those that are, infinite for those that never were; stray_m_s:
+    how fast the standard deviation of a lost one's place grows.
+    """
+    lost = (unseen_s > 0) & np.isfinite(unseen_s)
+    return Effectors(
+        np.concatenate((seen.joints, role_joints[lost])),
+        np.concatenate((seen.offsets, mounting.offsets[lost])),
+        np.concatenate((seen.targets, np.full((lost.sum(), 3), np.nan))),
+        np.concatenate((seen.weights, 1 / (stray_m_s * unseen_s[lost]))),
+    )
+
+
 def effectors(
     measured: Measurement, role_joints: NDArray[np.int64], mounting: Mounting, heading: NDArray[np.float64]
 ) -> Effectors:

@@ -74,7 +74,7 @@ def local_prior(
     information = precision @ mean + (last + step) / variance
     factor, _ = dpotrf(both, lower=1)
     centre, _ = dpotrs(factor, information, lower=1)
-    return GaussianPrior(centre, both)
+    return GaussianPrior(centre, both, 1 / variance)
 
 
 def gather(

@@ -16,11 +16,20 @@ from reconstruction.likelihood import Effectors, energy_and_gradient, residuals
 class GaussianPrior:
     """p(q_t | Q_{t,m}) = N(mean, precision^-1).
 
-    mean: (D,); precision: (D, D), symmetric positive definite.
+    mean: (D,); precision: (D, D), symmetric positive definite; from_last: (D,) what of its diagonal the last pose alone
+    gives, or None where that is not told apart.
     """
 
     mean: NDArray[np.float64]
     precision: NDArray[np.float64]
+    from_last: NDArray[np.float64] | None = None
+
+    @property
+    def without_last(self) -> "GaussianPrior":
+        """As sure as it would be of a pose whose last one is not known (about the same mean)."""
+        if self.from_last is None:
+            return self
+        return GaussianPrior(self.mean, self.precision - np.diag(self.from_last))
 
     def energy(self, q: NDArray[np.float64]) -> float:
         """E_prior, up to a constant."""

@@ -25,12 +25,10 @@ from reconstruction.map_problem import MapProblem
 class MapSolution:
     """The most probable pose.
 
-    q: (D,); energy: at q; evaluations: of the energy; limited: whether a joint limit holds it;
-    covariance_root: (D, D), C with C C^T the posterior's covariance, in Laplace's approximation.
+    q: (D,); energy: at q; evaluations: of the energy; limited: whether a joint limit holds it.
     """
 
     q: NDArray[np.float64]
-    covariance_root: NDArray[np.float64]
     evaluations: int
     energy: float
     limited: bool
@@ -74,17 +72,18 @@ class MapSolver:
             evaluations += more
         outside = (q < problem.lower) | (q > problem.upper)
         if not outside.any():
-            return MapSolution(q, root, evaluations, energy, False)
+            return MapSolution(q, evaluations, energy, False)
         deviation = np.sqrt(np.einsum("ij,ij->i", root, root))
         start = np.clip(q, problem.lower, problem.upper)
         self._bounded.set_lower_bounds((problem.lower - start) / deviation)
         self._bounded.set_upper_bounds((problem.upper - start) / deviation)
         q, more, energy = self._minimise(self._bounded, problem, start, np.diag(deviation))
         q = np.clip(q, problem.lower, problem.upper)
-        return MapSolution(q, root, evaluations + more, energy, True)
+        return MapSolution(q, evaluations + more, energy, True)
 
     def covariance_root(self, problem: MapProblem, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        """C (D, D), upper triangular, with C C^T = (precision + J^T J)^-1 at the start."""
+        """C (D, D), upper triangular, with C C^T = (precision + J^T J)^-1 at the start: Laplace's covariance of the
+        posterior, where the start is the optimum."""
         place(self.body, start, self._state)
         j = jacobian(self.body, problem.effectors, self._state, len(start))
         lower, _ = dpotrf(problem.prior.precision + j.T @ j, lower=1, clean=1)

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter_ns
 
 import numpy as np
@@ -16,10 +16,10 @@ from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
-from reconstruction.effectors import Measurement, effectors
+from reconstruction.effectors import Measurement, and_lost, effectors
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
-from reconstruction.map_solver import MapSolution, MapSolver
+from reconstruction.map_solver import MapSolver
 from reconstruction.motion import Motion, Pose
 from reconstruction.motion_operations import leg_length
 from reconstruction.mounting import Mounting
@@ -68,7 +68,8 @@ class SolverSettings:
 class Solution:
     """One solved frame.
 
-    sigma: (J,) radians, standard deviation of each joint's rotation by the posterior; 0 for joints that never turn.
+    sigma: (J,) radians, standard deviation of each joint's rotation, calibrated: it grows with the distance to the
+        database and with the time since trackers were measured; 0 for joints that never turn.
     coverage: distance to the neighbours over the database's own spacing: about 1 inside the data, more outside.
     states: (6,) int8 of `Footing`: what each role's place stands on.
     stage_ns: nanoseconds by stage.
@@ -130,6 +131,8 @@ class Reconstructor:
 
     FEW = 4
     """With more trackers than this the history cannot go astray."""
+    STRAY_M_S = 0.3
+    """How fast the place of a lost tracker grows uncertain."""
     FAR_M = 0.5
     """Trackers that are this far off after all were missing start anew."""
 
@@ -188,7 +191,7 @@ class Reconstructor:
         self._easing.reset()
         self._gate.reset()
         self._relocaliser.reset()
-        self._last_measured_s = -np.inf
+        self._seen_s = np.full(len(ROLES), -np.inf)
         self._last: Solution | None = None
 
     def start(self, frames: Sequence[TrackerFrame]) -> None:
@@ -220,8 +223,8 @@ class Reconstructor:
         """The most probable pose for the trackers of one frame."""
         began = perf_counter_ns()
         if frame.measured.any():
-            self._last_measured_s = frame.time_s
-        elif self._last is None or frame.time_s - self._last_measured_s > self.settings.hold_after_s:
+            self._seen_s[frame.measured] = frame.time_s
+        elif self._last is None or frame.time_s - self._seen_s.max() > self.settings.hold_after_s:
             return self._held(frame)
         if not self._past:
             self.start([frame])
@@ -241,7 +244,7 @@ class Reconstructor:
         stages = {"prior": predicted - began, "map": solved - predicted, "rest": perf_counter_ns() - solved}
         self._last = Solution(
             shown,
-            frozen(self._sigma(found, prediction.coverage)),
+            frozen(self._sigma(frame.time_s, prediction.coverage)),
             prediction.coverage,
             frozen(footings(frame, False)),
             stages,
@@ -258,7 +261,8 @@ class Reconstructor:
             return Solution(pose, frozen(sigma), np.inf, footings(frame, True), {})
         last = self._last
         pose = Pose(frame.time_s, last.pose.root_position, last.pose.rotations)
-        return Solution(pose, last.sigma, last.coverage, frozen(footings(frame, True)), {})
+        sigma = np.minimum(last.sigma * (1 + frame.time_s - self._seen_s.max()), np.pi)
+        return Solution(pose, frozen(sigma), last.coverage, frozen(footings(frame, True)), {})
 
     def _eased(self, frame: TrackerFrame) -> NDArray[np.float64]:
         """The positions (6, 3) metres, world, to solve for; takes note of the frame. Starts anew where it must."""
@@ -348,15 +352,19 @@ class Reconstructor:
             self._adopt(found, last=0)
             self._easing.begin()
 
-    def _sigma(self, found: MapSolution, coverage: float) -> NDArray[np.float64]:
+    def _sigma(self, time_s: float, coverage: float) -> NDArray[np.float64]:
         """(J,) radians: the root of a joint's summed posterior variance over its three directions, calibrated.
 
-        Laplace's approximation knows how the neighbours differ, not how far all of them are from the truth. The
-        factor was fitted once to errors on motion capture by coverage.
+        What the last pose says is left out of the posterior, since it is as wrong as this one: its errors last. Lost
+        trackers fade. The factor was fitted once to errors on motion capture by coverage.
         """
-        variance = np.einsum("ij,ij->i", found.covariance_root, found.covariance_root)[3:].reshape(-1, 3).sum(axis=1)
+        p = self.problem
+        unseen_s = time_s - self._seen_s
+        known = and_lost(p.effectors, unseen_s, self.STRAY_M_S, self.role_joints, self.mounting)
+        root = self.map_solver.covariance_root(replace(p, prior=p.prior.without_last, effectors=known), self.solved)
+        variance = np.einsum("ij,ij->i", root, root)[3:].reshape(-1, 3).sum(axis=1)
         sigma = np.zeros(len(self.skeleton))
-        sigma[[0, *self.space.moving]] = np.sqrt(variance) * max(0.95, 1.3 * coverage**0.75)
+        sigma[[0, *self.space.moving]] = np.sqrt(variance) * min(0.95, 0.65 * coverage**0.35)
         return np.minimum(sigma, np.pi)
 
     def _warm_up(self) -> None:

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from devices.frame import TrackerFrame
 from devices.sample import ROLES
-from reconstruction.effectors import Measurement, effectors
+from reconstruction.effectors import Measurement, and_lost, effectors
 from reconstruction.kinematics import world_joints
 from reconstruction.likelihood import residuals
 from reconstruction.mounting import Mounting
@@ -75,3 +75,14 @@ def test_orientations_of_an_unknown_mounting_do_no_harm(database):
     found = reconstruct(frames, database).motion
     plain = reconstruct(frames, database, settings=SolverSettings(orientations=False)).motion
     assert errors_cm(motion, found).mean() < 1.3 * errors_cm(motion, plain).mean() + 0.1
+
+
+def test_lost_trackers_fade_and_those_never_seen_do_not_count():
+    where, _ = readings(MOTION, WORN)
+    positions = where[0].copy()
+    positions[3:] = np.nan
+    seen = effectors(Measurement(positions, np.full((6, 4), np.nan), 0.002, 0.1), ROLE_JOINTS, WORN, np.zeros(3))
+    known = and_lost(seen, np.array([0, 0, 0, 0.1, 2.0, np.inf]), 0.3, ROLE_JOINTS, WORN)
+    np.testing.assert_array_equal(known.joints, ROLE_JOINTS[:5])
+    np.testing.assert_array_equal(known.offsets, WORN.offsets[:5])
+    np.testing.assert_allclose(known.weights, [500, 500, 500, 1 / 0.03, 1 / 0.6])

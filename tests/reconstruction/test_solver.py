@@ -106,6 +106,16 @@ def test_one_wrist_lost_for_a_second_comes_back_without_a_jump(database):
     assert set(found.states[:30].ravel()) == {Footing.MEASURED}
 
 
+def test_uncertainty_grows_while_a_tracker_is_lost_and_while_the_pose_is_held(database):
+    arm = UNSEEN.skeleton.names.index("LeftForeArm")
+    lost = reconstruct(frames_of(UNSEEN, gaps=[("left_wrist", 40, 100)]), database).sigma[:, arm]
+    whole = reconstruct(frames_of(UNSEEN), database).sigma[:, arm]
+    np.testing.assert_array_equal(lost[:40], whole[:40])
+    assert 1 < lost[43] / whole[43] < lost[55] / whole[55] < lost[98] / whole[98]
+    held = reconstruct(frames_of(UNSEEN, gaps=[(role, 20, 100) for role in ROLES]), database).sigma
+    assert (held[95] > held[60])[held[60] > 0].all()
+
+
 def test_with_every_tracker_gone_the_pose_goes_on_then_is_held_then_comes_back(database):
     gaps = [(role, 20, 80) for role in ROLES]
     found = reconstruct(frames_of(UNSEEN, gaps=gaps), database)
