@@ -1,7 +1,7 @@
 """How fast a character deforms: the paper's Table I with ours beside it, stage by stage, and NumPy's time to compare.
 
-All figures are milliseconds a frame of one thread, in one process, on a motion that bends every limb. The frame is timed
-on the wall and by the processor's clock, stages and NumPy by the latter alone: it does not count what else is running.
+All figures are milliseconds a frame of one thread, in one process, on a motion that bends every limb. The frame is
+timed on the wall and by the processor's clock, stages and NumPy by the latter alone: it does not count what else runs.
 """
 
 import time
