@@ -71,7 +71,8 @@ def rig(
     if show:
         _check_display()
     mesh = meshes[0]
-    file = _placed(mesh, unit_m)
+    # What unit a file is in is guessed by a person's height; a hand tells nothing of it.
+    file = _placed(mesh, 1.0 if template == "hand" and unit_m is None else unit_m)
     poses = [file.mesh, *(_pose(path, file, mesh) for path in meshes[1:])]
     try:
         found = rig_poses(poses, settings)
