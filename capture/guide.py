@@ -20,6 +20,7 @@ from reconstruction.database import MotionDatabase
 _READ_GOOD_S, _READ_POOR_S = 6.0, 12.0
 """How long a result stands before what follows from it is done."""
 _MOST_ADVICE = 3
+_GIVE_WAY_S = 0.08
 
 
 class _Phase(Enum):
@@ -32,7 +33,8 @@ class _Phase(Enum):
 class CalibrationGuide:
     """Feed it every shot of a session (`watch`, on the session's thread), look at `banner` from any thread.
 
-    `result` is what was accepted, None until then; `finished` once it is. clock: seconds, for the time a result stands.
+    It begins when the banner is first looked at: a window may take its time to open. `result` is what was accepted,
+    None until then; `finished` once it is. clock: seconds, for the time a result stands.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class CalibrationGuide:
         self._lock = threading.Lock()
         self._phase, self._run, self._found = _Phase.PROMPTING, None, None
         self._trouble, self._judged_s, self._said = "", 0.0, ""
+        self._looked_at = False
 
     @property
     def finished(self) -> bool:
@@ -57,6 +60,8 @@ class CalibrationGuide:
     def watch(self, shot: Shot) -> None:
         """Takes in one moment of the session."""
         with self._lock:
+            if not self._looked_at:
+                return
             if self._phase is _Phase.PROMPTING and self._script.feed(shot.frame).done:
                 self._run = CalibrationRun(self._script.take(), self._database, self._height_m)
                 self._phase = _Phase.FITTING
@@ -64,6 +69,9 @@ class CalibrationGuide:
                 self._judge(self._run)
             elif self._phase is _Phase.JUDGING and self._seconds_left() <= 0:
                 self._follow()
+            fitting = self._phase is _Phase.FITTING
+        if fitting:
+            time.sleep(_GIVE_WAY_S)  # nobody performs now: what is solved less often leaves the processor to the fit
 
     def accept(self) -> None:
         """Takes the result as it is, where there is one."""
@@ -87,6 +95,7 @@ class CalibrationGuide:
     def banner(self) -> Banner | None:
         """What the performer is to be told now; None when all is done."""
         with self._lock:
+            self._looked_at = True
             if self._phase is _Phase.PROMPTING:
                 return _prompted(self._script)
             if self._phase is _Phase.FITTING and self._run is not None:

@@ -132,6 +132,7 @@ def calibration(database: MotionDatabase, mannequin: Cast) -> NDArray[np.uint8]:
     skeleton = database.space.skeleton
     pipeline, stage = Pipeline(Reconstructor(database), mannequin), Stage(skeleton, mannequin)
     guide = CalibrationGuide(database, 1.75, CalibrationScript())
+    guide.banner()
     motion = after_t_pose(demo_motion(), 7.0)
     places = trackers_on(motion).positions
     pictures: list[NDArray[np.uint8]] = []

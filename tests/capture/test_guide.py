@@ -73,7 +73,7 @@ def guide(clock, monkeypatch):
 
 def performed(guide, start=0.0, until=None):
     """Shows the guide a T-pose and some movement, and gives what its banner said on the way."""
-    said = []
+    said = [guide.banner()]
     for number in range(round((until or 3.6) * 60)):
         shift = 0.05 * np.sin(number) if number > 130 else 0.0
         pose = {role: np.array(at) + shift for role, at in T_POSE.items()}
@@ -90,6 +90,12 @@ def test_each_step_is_told_with_a_countdown(guide):
     assert said[0].count == "1"
     assert said[30].share == pytest.approx(0.5, abs=0.05)
     assert "step 1 of 3" in said[0].below
+
+
+def test_nothing_begins_before_somebody_looks(guide):
+    for number in range(600):
+        guide.watch(SimpleNamespace(frame=TrackerFrame.from_positions(number / 60, T_POSE)))
+    assert guide.banner().text == "get into place"
 
 
 def test_a_good_result_is_taken_by_itself(guide, clock):
