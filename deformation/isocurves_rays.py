@@ -128,8 +128,9 @@ def _caster(mesh: Mesh) -> Any:
     scene.add_triangles(core.Tensor(mesh.vertices.astype(np.float32)), core.Tensor(mesh.triangulated.astype(np.uint32)))
 
     def cast(origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        sound = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1)
-        rays = np.where(sound[:, None], np.concatenate([origins, directions], axis=1), 0.0).astype(np.float32)
+        rays = np.concatenate([origins, directions], axis=1)
+        sound = np.isfinite(rays).all(axis=1)
+        rays = np.where(sound[:, None], rays, 0.0).astype(np.float32)
         distance = scene.cast_rays(core.Tensor(rays), nthreads=1)["t_hit"].numpy().astype(np.float64)
         return np.where(sound, distance, np.inf)
 
