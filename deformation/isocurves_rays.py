@@ -129,7 +129,7 @@ def _caster(mesh: Mesh) -> Any:
 
     def cast(origins: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
         rays = np.concatenate([origins, directions], axis=1)
-        sound = np.isfinite(rays).all(axis=1)
+        sound = np.asarray(np.isfinite(rays).all(axis=1))
         rays = np.where(sound[:, None], rays, 0.0).astype(np.float32)
         distance = scene.cast_rays(core.Tensor(rays), nthreads=1)["t_hit"].numpy().astype(np.float64)
         return np.where(sound, distance, np.inf)
