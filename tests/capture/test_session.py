@@ -20,7 +20,6 @@ from replay_logs.recorder import TakeRecorder
 from replay_logs.take import RecordedDevice, read_take
 from tests.fakes import FakeDriver, generic_readings, readings_now, wait_until
 
-
 NUMBERED = dict(zip("123456", ROLES, strict=True))
 
 
