@@ -55,7 +55,7 @@ class SolverSettings:
 
     method: str = "default"
     tracker_sigma_m: float = 0.002
-    noise_gain: float = 4.0
+    noise_gain: float = 8.0
     orientations: bool = True
     orientation_sigma: float = 0.03
     hold_after_s: float = 0.5
