@@ -31,6 +31,7 @@ from reconstruction.local_regression import history_weights
 from reconstruction.motion import Pose
 from reconstruction.prediction import Prediction, SolvedPose
 from reconstruction.solver import Reconstructor, Solution
+from reconstruction.tracker_matching import Sighting
 from reconstruction.tracking import Footing
 from reconstruction.window_features import SPAN, seen_from
 from replay_logs.frames import load_frames
@@ -58,8 +59,10 @@ class WatchedPredictor:
         self.said: Prediction
         self.past: list[SolvedPose]
 
-    def predict(self, past: Sequence[SolvedPose], trackers: NDArray[np.float64]) -> Prediction:
-        self.past, self.said = list(past), self._own.predict(past, trackers)
+    def predict(
+        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
+    ) -> Prediction:
+        self.past, self.said = list(past), self._own.predict(past, trackers, way)
         return self.said
 
 
