@@ -71,11 +71,12 @@ def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> G
 def by_cluster(work: Callable[[J], R], jobs: Sequence[J], lost: Lost, scheduler: str) -> Iterator[R]:
     """Each job's result as it is ready, by the workers of the Dask cluster at that address.
 
-    A job whose worker is lost is done by another; one that loses several is lost itself. Raises SettingError where
-    Dask is not installed or no scheduler answers.
+    A job whose worker is lost is done by another. Dask blames all that were with a worker when it was lost, so those
+    that lost several are tried once more, each alone: one that loses its worker then is lost itself. Raises
+    SettingError where Dask is not installed or no scheduler answers.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker, as_completed
     except ImportError:
         raise SettingError("--dask needs Dask's distributed scheduler: pip install 'sixpoint[dask]'") from None
     try:
@@ -84,8 +85,19 @@ def by_cluster(work: Callable[[J], R], jobs: Sequence[J], lost: Lost, scheduler:
         raise SettingError(f"--dask {scheduler}: no scheduler answers there ({error})") from None
     with client:
         asked: dict[Any, J] = {client.submit(work, job, pure=False): job for job in jobs}
+        suspects: list[J] = []
         for future in as_completed(list(asked), loop=client.loop):
             job = asked.pop(future)
-            error = future.exception()
-            yield future.result() if error is None else lost(job, f"{type(error).__name__}: {error}")
+            if isinstance(future.exception(), KilledWorker):
+                suspects.append(job)
+            else:
+                yield _outcome(future, job, lost)
             future.release()
+        for job in suspects:
+            yield _outcome(client.submit(work, job, pure=False), job, lost)
+
+
+def _outcome(future: Any, job: J, lost: Callable[[J, str], R]) -> R:
+    """What a Dask future came to."""
+    error = future.exception()
+    return future.result() if error is None else lost(job, f"{type(error).__name__}: {error}")
