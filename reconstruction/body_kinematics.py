@@ -29,14 +29,18 @@ class Body:
 
     @classmethod
     def of(cls, space: PoseSpace) -> "Body":
-        """The body of a pose space."""
+        """The body of a pose space.
+
+        Its arrays are its own, contiguous and writable, whatever the skeleton's are: the kernels are compiled once for
+        every type of array, and one more would be compiled or loaded in the middle of a session.
+        """
         slots = np.full(len(space.skeleton), -1, np.int64)
         slots[0] = 3
         slots[space.moving] = ROOT_DOF + 3 * np.arange(len(space.moving))
         return cls(
             space.skeleton.parents.astype(np.int64),
-            np.ascontiguousarray(space.skeleton.offsets, np.float64),
-            Rotation.from_quat(space.mean).as_matrix(),
+            np.array(space.skeleton.offsets, np.float64, order="C"),
+            np.array(Rotation.from_quat(space.mean).as_matrix(), order="C"),
             slots,
         )
 

@@ -1,12 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numba import typeof
 from scipy.optimize import approx_fprime, least_squares
 
 from devices.sample import ROLES
-from reconstruction.body_kinematics import BodyState, place
+from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.likelihood import Effectors, jacobian, residuals
 from reconstruction.map_problem import GaussianPrior, MapProblem
-from reconstruction.map_solver import MapSolver
+from reconstruction.map_solver import MapSolver, energy_kernel
 from tests.reconstruction.test_likelihood import BODY, SPACE, placed
 
 DOF = SPACE.dof
@@ -75,3 +78,25 @@ def test_solving_twice_gives_the_same_bits():
     p = problem(2)
     solver = MapSolver(BODY, DOF)
     assert (solver.solve(p, p.prior.mean).q == solver.solve(p, p.prior.mean).q).all()
+
+
+def test_limits_compile_no_second_kernel():
+    p = problem(0)
+    MapSolver(BODY, DOF).solve(p, p.prior.mean)
+    before = list(energy_kernel.signatures)
+    p = problem(0, limit=0.03)
+    assert MapSolver(BODY, DOF).solve(p, p.prior.mean).limited
+    assert energy_kernel.signatures == before
+
+
+def test_the_kernels_see_every_skeleton_as_the_same_types():
+    read_only = SPACE.skeleton.offsets.copy()
+    read_only.flags.writeable = False
+    columns_first = np.asfortranarray(SPACE.skeleton.offsets)
+    skeletons = [replace(SPACE.skeleton, offsets=offsets) for offsets in (read_only, columns_first)]
+    types = [kernel_types(Body.of(SPACE.with_skeleton(skeleton))) for skeleton in (SPACE.skeleton, *skeletons)]
+    assert types[0] == types[1] == types[2]
+
+
+def kernel_types(body: Body) -> list:
+    return [typeof(array) for array in (body.parents, body.offsets, body.mean, body.slots)]
