@@ -5,7 +5,9 @@ Movement, and of Gordon et al., 2012 Anthropometric Survey of U.S. Army Personne
 suprasternale and cervicale). The hand's are of Buchholz, Armstrong and Goldstein (1992), shares of its length.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 
 @dataclass(frozen=True)
@@ -38,32 +40,33 @@ class HumanTemplate:
 
 HUMAN = HumanTemplate()
 
-HUMAN_TREE: tuple[tuple[str, str | None], ...] = (
-    ("hips", None),
-    ("spine", "hips"),
-    ("chest", "spine"),
-    ("upper_chest", "chest"),
-    ("neck", "upper_chest"),
-    ("head", "neck"),
-    ("head_end", "head"),
-    *(
-        (f"{side}_{joint}", parent if parent in ("hips", "upper_chest") else f"{side}_{parent}")
-        for side in ("left", "right")
-        for joint, parent in (
-            ("shoulder", "upper_chest"),
-            ("upper_arm", "shoulder"),
-            ("lower_arm", "upper_arm"),
-            ("hand", "lower_arm"),
-            ("hand_end", "hand"),
-            ("upper_leg", "hips"),
-            ("lower_leg", "upper_leg"),
-            ("foot", "lower_leg"),
-            ("toes", "foot"),
-            ("toes_end", "toes"),
-        )
-    ),
-)
-"""Joints and their parents, under the VRM specification's names."""
+Tree = tuple[tuple[str, str | None], ...]
+"""Joints and their parents, under the VRM specification's names; a parent stands before its children."""
+
+_TRUNK = ("hips", "spine", "chest", "upper_chest", "neck", "head", "head_end")
+_ARM = ("upper_chest", "shoulder", "upper_arm", "lower_arm", "hand", "hand_end")
+_LEG = ("hips", "upper_leg", "lower_leg", "foot")
+
+
+def _body_tree(*toes: str) -> Tree:
+    """A trunk with its limbs; toes: what follows each foot, outwards."""
+    return (
+        (_TRUNK[0], None),
+        *_outwards(_TRUNK),
+        *(
+            (f"{side}_{joint}", parent if parent in _TRUNK else f"{side}_{parent}")
+            for side in ("left", "right")
+            for joint, parent in (*_outwards(_ARM), *_outwards((*_LEG, *toes)))
+        ),
+    )
+
+
+def _outwards(chain: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Each joint of a chain, but for the first, with the one before it."""
+    return tuple((joint, parent) for parent, joint in pairwise(chain))
+
+
+HUMAN_TREE = _body_tree("toes", "toes_end")
 
 
 FINGER_NAMES = ("thumb", "index", "middle", "ring", "little")
@@ -85,8 +88,8 @@ class HandTemplate:
 HAND = HandTemplate()
 
 
-def finger_tree(side: str) -> tuple[tuple[str, str | None], ...]:
-    """The joints of a hand's fingers and their parents, under the VRM specification's names; ends besides."""
+def finger_tree(side: str) -> Tree:
+    """The joints of a hand's fingers, ends besides; the first parent is the hand itself."""
     tree: list[tuple[str, str | None]] = []
     for finger in FINGER_NAMES:
         parts = ("metacarpal", "proximal", "distal") if finger == "thumb" else ("proximal", "intermediate", "distal")
@@ -120,33 +123,8 @@ class QuadrupedTemplate:
 
 QUADRUPED = QuadrupedTemplate()
 
-QUADRUPED_TREE: tuple[tuple[str, str | None], ...] = (
-    ("hips", None),
-    ("spine", "hips"),
-    ("chest", "spine"),
-    ("upper_chest", "chest"),
-    ("neck", "upper_chest"),
-    ("head", "neck"),
-    ("head_end", "head"),
-    *(
-        (f"{side}_{joint}", parent if parent in ("hips", "upper_chest") else f"{side}_{parent}")
-        for side in ("left", "right")
-        for joint, parent in (
-            ("shoulder", "upper_chest"),
-            ("upper_arm", "shoulder"),
-            ("lower_arm", "upper_arm"),
-            ("hand", "lower_arm"),
-            ("hand_end", "hand"),
-            ("upper_leg", "hips"),
-            ("lower_leg", "upper_leg"),
-            ("foot", "lower_leg"),
-            ("foot_end", "foot"),
-        )
-    ),
-    ("tail_1", "hips"),
-    ("tail_2", "tail_1"),
-    ("tail_3", "tail_2"),
-    ("tail_4", "tail_3"),
-    ("tail_end", "tail_4"),
+QUADRUPED_TREE: Tree = (
+    *_body_tree("foot_end"),
+    *_outwards(("hips", "tail_1", "tail_2", "tail_3", "tail_4", "tail_end")),
 )
 """Fore legs bear the names of arms, so that what moves a person can move an animal; tails may be missing."""
