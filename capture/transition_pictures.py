@@ -83,11 +83,12 @@ def write_pictures(folder: Path) -> None:
 
     library = {kind: motion for motion in reversed(generate_library()) for kind in [motion.name.split("_")[0]]}
     walk, idle, jump, run = (prepared(library[kind]) for kind in ("walk", "idle", "jump", "run"))
-    save_png(transition_rows(walk, idle, (150, 165, 180, 195)), folder / "transition_walk_to_stand.png")
+    save_png(transition_rows(walk, idle, (150, 165, 180, 195)), folder / "transition_walk_to_stand.png", 256)
     flight = int(np.argmax(jump.motion.root_positions[:, 1]))
     save_png(
         transition_rows(jump, run, (flight - 30, flight - 12, flight, flight + 20)),
         folder / "transition_jump_to_run.png",
+        256,
     )
 
 

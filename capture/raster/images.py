@@ -8,14 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def save_png(image: NDArray[np.uint8], path: str | Path) -> None:
-    """Writes (H, W, 3) sRGB bytes as PNG, beside and renamed into place. Raises OSError."""
+def save_png(image: NDArray[np.uint8], path: str | Path, colours: int | None = None) -> None:
+    """Writes (H, W, 3) sRGB bytes as PNG, beside and renamed into place. Raises OSError.
+
+    colours: at most so many (2 to 256), for a smaller file; all of them where None.
+    """
     from PIL import Image
 
     path = Path(path)
     partial = path.with_name(path.name + ".partial")
     try:
-        Image.fromarray(image).save(partial, format="PNG", compress_level=6)
+        picture = Image.fromarray(image)
+        if colours is not None:
+            picture = picture.quantize(colours, dither=Image.Dither.NONE)
+        picture.save(partial, format="PNG", compress_level=6 if colours is None else 9)
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

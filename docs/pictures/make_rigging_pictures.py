@@ -1,6 +1,6 @@
 """Makes the pictures of docs/rigging.md: `python docs/pictures/make_rigging_pictures.py [FOLDER]`.
 
-Without a folder they go into docs/images. All of them show the mannequin, so that nothing but the package is needed.
+Without a folder they go into docs/pictures. All of them show the mannequin, so that nothing but the package is needed.
 """
 
 import sys
@@ -34,7 +34,7 @@ _ELBOW = np.array([0.0, -100.0, 0.0])
 
 
 def main() -> None:
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "images")
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent)
     character = mannequin_character(standard_skeleton(), "medium")
     found = rig_mesh(character.mesh)
     save(rig_picture(RigView(character.mesh, found)), folder / "rig_mannequin.png")

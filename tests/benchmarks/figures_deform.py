@@ -1,4 +1,4 @@
-"""Draws the deformation paper's figures 5, 7 and 8 anew: `python -m tests.benchmarks.figures_deform docs/images`."""
+"""Draws the deformation paper's figures 5, 7 and 8 anew: `python -m tests.benchmarks.figures_deform docs/pictures`."""
 
 import argparse
 from pathlib import Path
@@ -41,9 +41,9 @@ def main() -> None:
     coarse, fine = (
         make_character(mesh, skeleton, bind, settings=LatticeSettings(particles=count)) for count in (1072, 3058)
     )
-    save_png(contact_sheet([*resolution(coarse), *resolution(fine)], 4), folder / "deformation_resolution.png")
-    save_png(contact_sheet(volume_kept(fine), 4), folder / "deformation_volume.png")
-    save_png(contact_sheet(paints(fine), 4), folder / "deformation_parts.png")
+    save_png(contact_sheet([*resolution(coarse), *resolution(fine)], 4), folder / "deformation_resolution.png", 256)
+    save_png(contact_sheet(volume_kept(fine), 4), folder / "deformation_volume.png", 256)
+    save_png(contact_sheet(paints(fine), 4), folder / "deformation_parts.png", 256)
 
 
 def resolution(character: Character) -> list[NDArray[np.uint8]]:
