@@ -71,8 +71,9 @@ class Fit:
     orientation tells; habit: (D,) b; covariance: of (theta, turns' rotation vectors, b).
 
     Of M moments: poses (M, D); residuals: (M, 6) metres that these leave, NaN where missing; alone: (M, 6, 3) metres
-    from where the other trackers, the body and the database have a tracker, and surprise: (M, 6) that distance squared
-    over what it should be, about 1.
+    in its joint's frame, from where the other trackers, the body and the database have a tracker; information:
+    (M, 6, 3, 3) inverse of that vector's covariance; surprise: (M, 6) its length squared over what it should be, about
+    1.
     """
 
     theta: NDArray[np.float64]
@@ -82,6 +83,7 @@ class Fit:
     poses: NDArray[np.float64]
     residuals: NDArray[np.float64]
     alone: NDArray[np.float64]
+    information: NDArray[np.float64]
     surprise: NDArray[np.float64]
 
     @property
@@ -106,13 +108,15 @@ _BEFORE_HABIT = _PARAMETERS + 3 * len(ROLES)
 @dataclass(frozen=True, eq=False)
 class _Line:
     """A moment, linearised: z (n,) = effect (n, P) . change + noise of covariance S, n rows of which the first are
-    positions. gain: (D, n) C J^T; factor: of S; here: (6,) roles that have a position."""
+    positions. gain: (D, n) C J^T; factor: of S; here: (6,) roles that have a position; turned: (6, 3, 3) their joints'
+    rotations, as seen from the moment's heading frame."""
 
     effect: NDArray[np.float64]
     z: NDArray[np.float64]
     gain: NDArray[np.float64]
     factor: tuple[NDArray[np.float64], bool]
     here: NDArray[np.bool_]
+    turned: NDArray[np.float64]
 
 
 class BodyFit:
@@ -193,15 +197,14 @@ class BodyFit:
         theta = theta + change[:_PARAMETERS]
         habit = habit + change[_BEFORE_HABIT:]
         turned = multiply(exponential(change[_PARAMETERS:_BEFORE_HABIT].reshape(-1, 3)), turns)
-        after, residual, alone, surprise = [], [], [], []
+        after: list[NDArray[np.float64]] = []
+        by_role = []
         for moment, line in zip(moments, lines, strict=True):
             off = cho_solve(line.factor, line.z - line.effect @ change)
             after.append(self.pose_before(moment, theta, habit) + line.gain @ off)
-            left, away, odd = self._by_role(line, off)
-            residual.append(left)
-            alone.append(away)
-            surprise.append(odd)
-        return Fit(theta, turned, habit, covariance, *map(np.array, (after, residual, alone, surprise)))
+            by_role.append(self._by_role(line, off))
+        residual, alone, information, surprise = map(np.array, zip(*by_role, strict=True))
+        return Fit(theta, turned, habit, covariance, np.array(after), residual, alone, information, surprise)
 
     def _known_before(
         self, statements: Sequence[Statement], theta: NDArray[np.float64], habit: NDArray[np.float64]
@@ -218,20 +221,23 @@ class BodyFit:
 
     def _by_role(
         self, line: _Line, off: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Residual (6,), alone (6, 3) and surprise (6,) of a moment (see `Fit`); off: (n,) S^-1 residual.
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Residual (6,), alone (6, 3), information (6, 3, 3) and surprise (6,) of a moment (see `Fit`); off: (n,)
+        S^-1 residual.
 
         Given all other rows, rows i are off by (S^-1)_ii^-1 (S^-1 r)_i, with covariance (S^-1)_ii^-1.
         """
         residual, surprise = np.full(len(ROLES), np.nan), np.full(len(ROLES), np.nan)
-        alone = np.full((len(ROLES), 3), np.nan)
+        alone, information = np.full((len(ROLES), 3), np.nan), np.full((len(ROLES), 3, 3), np.nan)
         precision = cho_solve(line.factor, np.eye(len(off)))
         for number, role in enumerate(np.flatnonzero(line.here)):
             rows = slice(3 * number, 3 * number + 3)
             residual[role] = self.sigma_m**2 * np.linalg.norm(off[rows])
-            alone[role] = np.linalg.solve(precision[rows, rows], off[rows])
-            surprise[role] = alone[role] @ off[rows] / 3
-        return residual, alone, surprise
+            away = np.linalg.solve(precision[rows, rows], off[rows])
+            surprise[role] = away @ off[rows] / 3
+            alone[role] = line.turned[role].T @ away
+            information[role] = line.turned[role].T @ precision[rows, rows] @ line.turned[role]
+        return residual, alone, information, surprise
 
 
 class _Linearisation:
@@ -284,7 +290,7 @@ class _Linearisation:
         total = j @ gain
         total[np.arange(rows), np.arange(rows)] += np.where(np.arange(rows) < count, fit.sigma_m, fit.sigma_rad) ** 2
         z = error - j @ (fit.pose_before(moment, self.theta, habit) - q)
-        return _Line(effect, z, gain, cho_factor(total, lower=True), here)
+        return _Line(effect, z, gain, cho_factor(total, lower=True), here, self.state.world[fit.role_joints])
 
     def _lengths(self, role: int, effect: NDArray[np.float64]) -> None:
         """Writes how lengths and offsets move a role's tracker, (3, P)."""

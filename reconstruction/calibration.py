@@ -26,6 +26,7 @@ from reconstruction.mounting import Mounting
 from reconstruction.segments import NAMES, SEGMENTS, scaled
 from reconstruction.similar_moments import Guess, SimilarMoments, Window, windows
 from reconstruction.skeleton import Skeleton
+from reconstruction.slipping import found_slip
 from reconstruction.stature import stature
 from reconstruction.t_pose import TPose, found_t_pose, mean_orientations, mean_positions, t_pose
 from reconstruction.tracker_matching import planar_fit
@@ -161,6 +162,7 @@ class _Work:
         stature_m: float | None,
     ) -> None:
         self.database, self.body = database, database.space.skeleton
+        self.began_s = frames[0].time_s
         self.pose = t_pose(database)
         self.similar = SimilarMoments(database)
         free = frames if held is None else [f for f in frames if not held[0] <= f.time_s <= held[1]]
@@ -236,7 +238,7 @@ def _exchanged(window: Window, pairs: Sequence[tuple[int, int]]) -> Window:
     order = np.arange(len(ROLES))
     for a, b in pairs:
         order[[a, b]] = order[[b, a]]
-    return Window(window.positions[:, order], window.orientations[order])
+    return replace(window, positions=window.positions[:, order], orientations=window.orientations[order])
 
 
 def _t_pose_moment(frames: Sequence[TrackerFrame], pose: TPose) -> Moment:
@@ -291,8 +293,9 @@ def _result(found: Fit, work: _Work, held: tuple[float, float] | None) -> Calibr
     roles = [role for role, there in zip(ROLES, seen, strict=True) if there]
     left = 100 * np.sqrt(np.nanmean(found.residuals[:, seen] ** 2, axis=0))
     known = {name: 100 * _CANDOUR * value for name, value in deviations(found, work.body).items()}
+    slip = found_slip(found, [window.time_s - work.began_s for window in work.seen])
     evidence = Evidence(
-        found, work.database.space, height, known, roles, work.swapped(), len(work.seen), bool(work.held)
+        found, work.database.space, height, known, roles, work.swapped(), len(work.seen), bool(work.held), slip
     )
     judgement = judged(evidence)
     whole = float(np.sqrt(np.mean(left**2)))

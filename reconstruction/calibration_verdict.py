@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from devices.sample import ROLES
 from reconstruction.body_fit import Fit
 from reconstruction.pose_space import ROOT_DOF, PoseSpace
+from reconstruction.slipping import Slip
 
 
 class Grade(Enum):
@@ -33,7 +34,7 @@ class Judgement:
 class Evidence:
     """What is judged. height_m: stature that came out; deviations_cm: see `CalibrationResult`; roles: seen;
     swapped: two roles whose trackers fit better the other way round, or None; moments: of free movement, the last of
-    the fit's; held: whether a T-pose was seen."""
+    the fit's; held: whether a T-pose was seen; slip: of a tracker, in seconds since the first frame, or None."""
 
     fit: Fit
     space: PoseSpace
@@ -43,6 +44,7 @@ class Evidence:
     swapped: tuple[str, ...]
     moments: int
     held: bool
+    slip: Slip | None = None
 
 
 STRANGE = 2.0
@@ -75,6 +77,11 @@ def _wrong(e: Evidence) -> list[str]:
     found = []
     if e.swapped:
         found.append(f"{' and '.join(map(named, e.swapped))} look swapped: change them round and calibrate again")
+    if e.slip is not None:
+        found.append(
+            f"the {named(e.slip.role)}'s tracker moved about {100 * e.slip.metres:.0f} cm on its strap at "
+            f"about {e.slip.time_s:.0f} s: fasten it and calibrate again"
+        )
     if not 1.0 <= e.height_m <= 2.3:
         found.append(f"a height of {e.height_m:.2f} m came out: check the device's units and the floor's height")
     for name, scale in e.fit.scales.items():

@@ -52,10 +52,11 @@ _SHARPNESS = 4.0
 @dataclass(frozen=True, eq=False)
 class Window:
     """positions: (3, 6, 3) metres, world, at a window's beginning, middle and end; orientations: (6, 4), world, in its
-    middle; NaN where missing."""
+    middle, which is at time_s; NaN where missing."""
 
     positions: NDArray[np.float64]
     orientations: NDArray[np.float64]
+    time_s: float = 0.0
 
     @property
     def middle(self) -> NDArray[np.float64]:
@@ -76,7 +77,7 @@ def windows(frames: Sequence[TrackerFrame], most: int) -> list[Window]:
         positions = np.array([mean_positions(part) for part in parts])
         positions[:, ~np.isfinite(positions[..., 0]).all(axis=0)] = np.nan
         if np.isfinite(positions[1, :, 0]).sum() >= 2:
-            found.append(Window(positions, mean_orientations(parts[1])))
+            found.append(Window(positions, mean_orientations(parts[1]), float(middle)))
     return [found[i] for i in np.unique(np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(int))]
 
 
