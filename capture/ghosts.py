@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from devices.frame import frozen
 from reconstruction.body_kinematics import Body, joint_positions
 from reconstruction.database import MotionDatabase
-from reconstruction.local_model import gather
+from reconstruction.gathering import gather
 from reconstruction.motion_operations import leg_length
 from reconstruction.skeleton import Skeleton
 from reconstruction.window_features import seen_from

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
-from reconstruction.local_model import LocalModelSettings, gather, local_prior
+from reconstruction.gathering import gather
+from reconstruction.local_model import LocalModelSettings, local_prior
+from reconstruction.pose_statistics import PoseStatistics
 from reconstruction.prediction import Prediction, SolvedPose
 from reconstruction.tracker_matching import Sighting, TrackerMatcher
 from reconstruction.window_features import seen_from
@@ -45,8 +47,6 @@ class DefaultPredictor:
 
     WIDEST = 10.0
     """Most that the prior widens: beyond, the database has nothing to say."""
-    SAMPLE = 4000
-    """Poses that the covariance of all of the database is taken from."""
 
     def __init__(
         self, database: MotionDatabase, scale: float, neighbours: NeighbourSettings, local: LocalModelSettings
@@ -58,8 +58,7 @@ class DefaultPredictor:
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._windows = np.asarray(database.windows)
         self._clips = np.searchsorted(database.firsts, self._windows, side="right")
-        sample = self._windows[:: max(1, len(self._windows) // self.SAMPLE)].astype(np.int64)
-        self._everything = np.cov(self._at_scale(sample, 0), rowvar=False, bias=True)
+        self._all_poses = PoseStatistics.of_database(database, scale)
 
     def predict(
         self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
@@ -79,7 +78,7 @@ class DefaultPredictor:
         coverage = float(near[: max(1, len(near) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
         widening = min(max(1.0, coverage / s.trusted_until), self.WIDEST)
-        prior = local_prior(following, steps, weights, last.q, widening, self._everything, self._local)
+        prior = local_prior(following, steps, weights, last.q, widening, self._all_poses, self._local)
         return Prediction(prior, rows, coverage)
 
     def _mean_squares(self, way: Sighting, numbers: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from devices.errors import FileError
 from devices.progress import Progress, no_progress
 from reconstruction.database import MotionDatabase
-from reconstruction.local_model import gather
+from reconstruction.gathering import gather
 from reconstruction.neighbour_graph import NeighbourGraph
 from reconstruction.prediction import SolvedPose
 from reconstruction.window_features import SPAN

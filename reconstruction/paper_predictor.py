@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
-from reconstruction.local_model import gather, see_from
+from reconstruction.gathering import gather, see_from
 from reconstruction.local_regression import history_weights, regress
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.paper_histories import HistorySearch, histories, history_search

@@ -25,8 +25,9 @@ from reconstruction.baselines.neighbourhood import own_history
 from reconstruction.body_kinematics import Body, joint_positions
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
+from reconstruction.gathering import gather
 from reconstruction.kinematics import world_transforms
-from reconstruction.local_model import LocalModelSettings, gather
+from reconstruction.local_model import LocalModelSettings
 from reconstruction.local_regression import history_weights
 from reconstruction.motion import Pose
 from reconstruction.prediction import Prediction, SolvedPose

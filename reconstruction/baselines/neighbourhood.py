@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import NeighbourSettings, gaussian_weights, thinned
-from reconstruction.local_model import gather, see_from
+from reconstruction.gathering import gather, see_from
 from reconstruction.prediction import SolvedPose
 from reconstruction.window_features import SPAN, seen_from
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from devices.sample import ROLES
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
-from reconstruction.local_model import gather
+from reconstruction.gathering import gather
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.prediction import Prediction, SolvedPose
 from reconstruction.tracker_matching import Sighting

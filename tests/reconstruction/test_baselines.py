@@ -24,7 +24,7 @@ SPAN = 3
 
 def moment(database: MotionDatabase, row: int) -> tuple[list[SolvedPose], np.ndarray, np.ndarray]:
     """The past of a row, its trackers and its pose, both seen from the heading frame one row before."""
-    from reconstruction.local_model import gather
+    from reconstruction.gathering import gather
     from reconstruction.window_features import seen_from
 
     body = Body.of(database.space)

@@ -6,8 +6,8 @@ import pytest
 
 from devices.errors import FileError, SixpointError
 from reconstruction.database import build_database, open_database
+from reconstruction.gathering import gather
 from reconstruction.kinematics import world_joints
-from reconstruction.local_model import gather
 from reconstruction.motion import Motion
 from reconstruction.rotations import about_up, multiply, rotate
 from reconstruction.skeleton import Skeleton

@@ -1,10 +1,12 @@
 import numpy as np
 
-from reconstruction.local_model import LocalModelSettings, gather, local_prior
+from reconstruction.local_model import LocalModelSettings, local_prior
+from reconstruction.pose_statistics import PoseStatistics
 
 EXACT = LocalModelSettings(pose_floor=0.01, step_floor=0.01, pose_widening=1.0, step_widening=1.0)
-NOWHERE = np.full((8, 8), np.nan)
-"""A covariance that may not be looked at."""
+NOWHERE = PoseStatistics(np.full(8, np.nan), np.full((8, 8), np.nan), np.full((8, 8), np.nan))
+"""Statistics that may not be looked at."""
+SOMEWHERE = PoseStatistics.of(np.random.default_rng(5).normal(0, 1, (40, 8)))
 
 
 def neighbours(seed: int, count: int = 12, dof: int = 8):
@@ -36,24 +38,31 @@ def test_with_history_it_is_the_product_of_two_gaussians():
 
 def test_far_neighbours_leave_the_pose_to_vary_as_all_poses_do():
     following, steps, weights = neighbours(2)
-    everything = np.cov(np.random.default_rng(5).normal(0, 1, (40, 8)).T)
-    far = local_prior(following, steps, weights, None, 3.0, everything, EXACT)
-    covariance = np.cov(following.T, bias=True) + EXACT.background**2 * 8 * everything + 0.03**2 * np.eye(8)
+    far = local_prior(following, steps, weights, None, 2.0, SOMEWHERE, EXACT)
+    covariance = np.cov(following.T, bias=True) + EXACT.background**2 * 3 * SOMEWHERE.covariance + 0.02**2 * np.eye(8)
     np.testing.assert_allclose(far.precision @ covariance, np.eye(8), atol=1e-8)
 
 
 def test_far_neighbours_leave_the_step_freer():
     following, steps, weights = neighbours(3)
-    last, everything = np.full(8, 0.3), np.zeros((8, 8))
-    pose, both = (local_prior(following, steps, weights, at, 3.0, everything, EXACT) for at in (None, last))
+    last = np.full(8, 0.3)
+    pose, both = (local_prior(following, steps, weights, at, 3.0, SOMEWHERE, EXACT) for at in (None, last))
     np.testing.assert_allclose(both.precision - pose.precision, np.diag(1 / (steps.var(axis=0) + 0.03**2)), rtol=1e-6)
 
 
-def test_the_gathering_kernel_agrees_with_coordinates_of_the_motion(database):
-    rows = np.sort(database.windows)[[0, 40, 300, 700]].astype(np.int64)
-    for row, seen in zip(rows, gather(rows, 2, np.asarray(database.poses), np.asarray(database.headings)), strict=True):
-        clip = database.clip_of(int(row))
-        motion, frame = database.motion(clip), database.headings[row - 1].astype(np.float64)
-        at = slice(int(row) - 2 - clip.first, int(row) - 1 - clip.first)
-        plain = database.space.coordinates(motion.root_positions[at], motion.rotations[at], frame)
-        np.testing.assert_allclose(seen, plain[0], atol=1e-5)
+def test_where_the_neighbours_say_nothing_any_pose_is_likelier_than_none():
+    following, steps, weights = neighbours(4)
+    doubting, trusting = (LocalModelSettings(doubt_from=at, doubt_full=2 * at) for at in (3.0, 300.0))
+    near, far = (
+        local_prior(following, steps, weights, np.full(8, 2.0), 6.0, SOMEWHERE, s) for s in (trusting, doubting)
+    )
+    np.testing.assert_allclose(far.precision - near.precision, SOMEWHERE.precision, atol=1e-6 * near.precision.max())
+    np.testing.assert_allclose(
+        far.precision @ far.mean, near.precision @ near.mean + SOMEWHERE.precision @ SOMEWHERE.mean, rtol=1e-6
+    )
+    assert SOMEWHERE.implausibility(far.mean) < SOMEWHERE.implausibility(near.mean)
+
+
+def test_the_third_statement_sets_in_gradually():
+    settings = LocalModelSettings(doubt_from=2.0, doubt_full=4.0)
+    assert [settings.doubt(widening) for widening in (1.0, 2.0, 3.0, 4.0, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
