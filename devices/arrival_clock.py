@@ -98,7 +98,7 @@ class ArrivalClock:
         span = arrived - self._start[0][0]
         if span < _START_S or number < _START_READINGS:
             return arrived
-        period = span / number
+        period = _period(self._start)
         late = [at - n * period for at, n in self._start]
         self.period_s, self._beat = period, number * period + min(late)
         self._jitter = max(late) - min(late)
@@ -143,3 +143,18 @@ class ArrivalClock:
         self.period_s += _PERIOD_GAIN * (least - self._pulled) / self._count
         self._jitter = max(self._latest - self._least, _JITTER_FADES * self._jitter)
         self._open_window(arrived)
+
+
+def _period(start: list[tuple[float, int]]) -> float:
+    """Seconds between readings by (arrival, number) of the first of them.
+
+    By the slope from the earliest of the middle third to the earliest of the last. The first third does not count: what
+    piled up before the host began to read came all at once, and would make the beat too fast.
+    """
+    third = len(start) // 3
+    period = (start[-1][0] - start[0][0]) / (start[-1][1] - start[0][1])
+    for _ in range(2):
+        parts = (start[third : 2 * third], start[2 * third :])
+        (early, n), (late, m) = (min((at - number * period, number) for at, number in part) for part in parts)
+        period += (late - early) / (m - n)
+    return period

@@ -101,6 +101,19 @@ def test_later_readings_get_later_times_that_are_never_after_their_arrival_for_l
     assert max(late) < 1_000_000
 
 
+@pytest.mark.parametrize("numbered", [False, True])
+@pytest.mark.parametrize("rate_hz", [60.0, 240.0])
+@pytest.mark.parametrize("held_s", [0.05, 0.2])
+def test_what_piled_up_before_the_first_reading_does_not_quicken_the_beat(numbered, rate_hz, held_s):
+    clock, rows = ArrivalClock(), []
+    for true, at, number in arrivals(rate_hz, 4.0, jitter=0.002):
+        at = max(at, held_s + 1e-6 * number)
+        rows.append((true, clock.host_ns(round(at * 1e9), number if numbered else None) * 1e-9))
+    true, mapped = np.array([row for row in rows if row[0] > 1.3]).T
+    assert np.ptp(mapped - true) < 0.004
+    assert np.diff(mapped).max() < 1 / rate_hz + 0.003
+
+
 def test_after_a_pause_it_begins_anew():
     clock = ArrivalClock()
     for _, at, _ in arrivals(100.0, 5.0, batch=USB_S):
