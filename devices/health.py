@@ -26,7 +26,7 @@ class TrackerHealth:
     """Figures of one tracker over the measured time.
 
     rate_hz: samples a second. lost: share of its samples that had no position or never came. jitter_ms: standard
-    deviation of arrival against an even beat. noise_mm: standard deviation of the position about its mean while it
+    deviation of arrival against an even beat. noise_mm: standard deviation of the position about a slow sway while it
     rested, root of the sum over axes; None where it never rested for a second. drift_ppm: how much slower its device's
     clock is than the host's; None without a clock or in less than six seconds.
     """
@@ -96,9 +96,16 @@ def _noise_mm(samples: list[TrackerSample]) -> float | None:
         stretch = positions[start : end + 1]
         parts = np.array([part.mean(0) for part in np.array_split(stretch, _PARTS)])
         if np.ptp(parts, axis=0).max() < _STILL_M:
-            spreads.append(float(np.sqrt(stretch.var(0).sum())))
+            spreads.append(float(np.sqrt((_swayless(stretch) ** 2).mean(0).sum())))
     # Of all restful stretches a quiet one: the least of them would flatter.
     return float(np.percentile(spreads, 25)) * 1000 if spreads else None
+
+
+def _swayless(stretch: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) what a slow sway, a parabola, leaves: nobody who wears a tracker is as still as a table."""
+    at = np.linspace(-1, 1, len(stretch))
+    powers = at[:, None] ** [0, 1, 2]
+    return stretch - powers @ np.linalg.lstsq(powers, stretch, rcond=None)[0]
 
 
 def _drift_ppm(samples: list[TrackerSample]) -> float | None:

@@ -180,6 +180,8 @@ def _why_not(where: str, error: BaseException) -> str:
         return f"port {where} does not exist; ports here: {there}"
     if number == errno.EACCES:
         return f"port {where}: no permission; run sudo usermod -aG dialout $USER and log in anew"
+    if Path(where).is_dir() or Path(where).is_file():
+        return f"{where} is no serial port; ports here: {', '.join(port.path for port in serial_ports()) or 'none'}"
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
         return f"port {where} is in use by another program; close it first"
     return f"port {where} cannot be opened: {error}"

@@ -39,7 +39,12 @@ class PtyPort:
         # Once it has been opened and closed, poll tells whether a host has it open.
         os.close(slave)
         os.set_blocking(self._master, False)
-        self._point_link()
+        try:
+            self._point_link()
+        except DeviceError:
+            os.close(self._master)
+            self._master = None
+            raise
 
     def unplug(self) -> None:
         """Makes the port vanish under the host's hands."""
@@ -91,5 +96,11 @@ class PtyPort:
             return
         if self._link.exists() and not self._link.is_symlink():
             raise DeviceError(f"{self._link}: there is a file already; give the simulated port another name")
-        self._link.unlink(missing_ok=True)
-        self._link.symlink_to(self.path)
+        try:
+            self._link.unlink(missing_ok=True)
+            self._link.symlink_to(self.path)
+        except OSError as error:
+            raise DeviceError(
+                f"{self._link}: the port's name cannot be made ({error.strerror}); give it another, in a folder that is "
+                "there and can be written to"
+            ) from None

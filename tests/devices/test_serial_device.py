@@ -184,13 +184,22 @@ def test_a_socket_is_a_port_too():
     [
         ("/dev/ttyUSB77", "port /dev/ttyUSB77 does not exist; ports here: "),
         ("socket://127.0.0.1:1", "no connection"),
-        (__file__, "cannot be opened"),
+        (__file__, "is no serial port; ports here: "),
+        (os.path.dirname(__file__), "is no serial port; ports here: "),
     ],
 )
 def test_a_port_that_does_not_open_is_one_clear_line(port, message):
     with pytest.raises(DeviceError, match=message) as caught:
         make_device("generic", port).open()
     assert "\n" not in str(caught.value)
+
+
+def test_a_simulated_port_that_cannot_have_its_name_is_one_clear_line(tmp_path):
+    (tmp_path / "mine.csv").write_text("")
+    for name, message in (("nowhere/port", "cannot be made"), ("mine.csv", "there is a file already")):
+        with pytest.raises(DeviceError, match=message):
+            PtyPort(tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
 
 
 def test_unknown_devices_and_options_list_the_valid_ones():
