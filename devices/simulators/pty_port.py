@@ -101,6 +101,6 @@ class PtyPort:
             self._link.symlink_to(self.path)
         except OSError as error:
             raise DeviceError(
-                f"{self._link}: the port's name cannot be made ({error.strerror}); give it another, in a folder that is "
-                "there and can be written to"
+                f"{self._link}: the port's name cannot be made ({error.strerror}); give it another, in a folder "
+                "that is there and can be written to"
             ) from None
