@@ -6,12 +6,12 @@ found is compared with how well the present pose's own neighbours explain the sa
 """
 
 from collections import deque
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
+from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher, best_by_direction
 
 OFFSETS = np.array([0, -6, -12, -20, -30])
 """Frames: the moments of the last half second that are compared."""
@@ -36,6 +36,28 @@ class TrackerHistory:
         return Sighting(offsets, np.array([self._positions[offset - 1] for offset in offsets]))
 
 
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What a pass over the database found.
+
+    sighting: the trackers' way up to now, in the database's scale; best: what of the database fits it best;
+    facings: the best for each direction that the body may face, best first.
+    """
+
+    sighting: Sighting
+    best: Matches
+    facings: tuple[Matches, ...]
+
+    CLEARLY = 0.5
+    """What is found must fit this much better, as a ratio of root mean square errors, ..."""
+    BADLY_M = 0.03
+    """... and what is believed must be at least so many metres off."""
+
+    def beats(self, own_error: float) -> bool:
+        """Whether it explains the trackers clearly better than what is off by so many metres."""
+        return own_error > self.BADLY_M and self.best.errors[0] < self.CLEARLY * own_error
+
+
 class Relocaliser:
     """Searches the database for the trackers' way, `ROWS_A_FRAME` rows with each call."""
 
@@ -45,10 +67,6 @@ class Relocaliser:
     KEEP = 64
     AROUND = 3
     """Frames around a found row, and around its sequel, that are looked at when the pass is over."""
-    CLEARLY = 0.5
-    """What is found must fit this much better, as a ratio of root mean square errors, ..."""
-    BADLY_M = 0.03
-    """... and what is believed must be at least so many metres off."""
 
     def __init__(self, matcher: TrackerMatcher):
         self._matcher = matcher
@@ -59,14 +77,11 @@ class Relocaliser:
     def reset(self) -> None:
         """Begins a new pass with the next call."""
         self._asked: Sighting | None = None
-        self._squares = np.full(len(self._rows), np.inf)
+        self._fits = np.full((2, len(self._rows)), np.inf)
         self._done, self._age = 0, 0
 
-    def look(self, history: TrackerHistory, scale: float, own_error: Callable[[Sighting], float]) -> Matches | None:
-        """Goes on searching; at the end of a pass, what explains the trackers clearly better than the present pose.
-
-        own_error: gives the root mean square distance, metres, of the present explanation from a sighting.
-        """
+    def look(self, history: TrackerHistory, scale: float) -> Finding | None:
+        """Goes on searching; at the end of a pass, what was found, if anything."""
         now = history.sighting()
         now = Sighting(now.offsets, now.points / scale)
         if self._asked is None:
@@ -74,21 +89,26 @@ class Relocaliser:
                 return None
             self._asked = now
         part = slice(self._done, self._done + self.ROWS_A_FRAME)
-        self._squares[part] = self._matcher.squares(self._asked, self._rows[part])
+        self._fits[:, part] = self._matcher.fits(self._asked, self._rows[part])
         self._done += self.ROWS_A_FRAME
         if self._done < len(self._rows):
             self._age += 1
             return None
         found = self._conclude(now)
         self.reset()
-        if not len(found.rows):
-            return None
-        own = own_error(now)
-        return found if own > self.BADLY_M and found.errors[0] < self.CLEARLY * own else None
+        return found
 
-    def _conclude(self, now: Sighting) -> Matches:
+    def _conclude(self, now: Sighting) -> Finding | None:
         """The best sequels of the pass's best rows, matched against where the trackers are by now."""
-        count = min(self.KEEP, len(self._squares))
-        best = self._rows[np.argpartition(self._squares, count - 1)[:count]]
-        rows = self._matcher.around(best + self._age, self.AROUND + self._stride // 2)
+        squares, yaw = self._fits
+        count = min(self.KEEP, len(squares))
+        best = self._sequel(now, self._rows[np.argpartition(squares, count - 1)[:count]])
+        if not len(best.rows):
+            return None
+        facings = [self._sequel(now, self._rows[[place]]) for place in best_by_direction(squares, yaw)]
+        facings = sorted((match for match in facings if len(match.rows)), key=lambda match: match.errors[0])
+        return Finding(now, best, tuple(facings))
+
+    def _sequel(self, now: Sighting, rows: NDArray[np.int64]) -> Matches:
+        rows = self._matcher.around(rows + self._age, self.AROUND + self._stride // 2)
         return self._matcher.best(now, rows, self.KEEP)

@@ -1,6 +1,5 @@
 """From tracker frames to poses, one frame at a time: retrieve, build the problem, solve it, remember."""
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter_ns
@@ -13,20 +12,23 @@ from devices.errors import SettingError, choice_error
 from devices.frame import TrackerFrame, frozen
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
+from reconstruction.belief import Belief
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
 from reconstruction.effectors import Measurement, and_lost, effectors
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
-from reconstruction.map_solver import MapSolver
+from reconstruction.map_solver import MapSolution, MapSolver
 from reconstruction.motion import Motion, Pose
 from reconstruction.motion_operations import leg_length
 from reconstruction.mounting import Mounting
 from reconstruction.paper_predictor import PaperPredictor
 from reconstruction.pose_space import ROOT_DOF
+from reconstruction.pose_statistics import PoseStatistics
 from reconstruction.prediction import Prediction, Predictor, SolvedPose
-from reconstruction.relocalisation import OFFSETS, Relocaliser, TrackerHistory
+from reconstruction.relocalisation import OFFSETS, Finding, Relocaliser, TrackerHistory
+from reconstruction.rivals import Rivals
 from reconstruction.rotations import about_up, inverse, logarithm, multiply
 from reconstruction.skeleton import Skeleton
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
@@ -122,6 +124,18 @@ class Reconstruction:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Explained:
+    """One frame by one belief. heading: (3,) from where the problem and what was found are seen."""
+
+    pose: Pose
+    prediction: Prediction
+    problem: MapProblem
+    found: MapSolution
+    heading: NDArray[np.float64]
+    stage_ns: dict[str, int]
+
+
 class Reconstructor:
     """Solves frames that come one database period apart, on a body with the database's joints.
 
@@ -135,6 +149,10 @@ class Reconstructor:
     """How fast the place of a lost tracker grows uncertain."""
     FAR_M = 0.5
     """Trackers that are this far off after all were missing start anew."""
+    LOST = 4.0
+    """Coverage from which on other beliefs are tried where poses are implausible, ..."""
+    CLEARLY = 0.6
+    """... which win by a cost this much lower, as a ratio."""
 
     def __init__(
         self,
@@ -168,6 +186,7 @@ class Reconstructor:
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
         self._lower, self._upper = np.asarray(database.bounds, np.float64).T.copy()
         self._lower[:ROOT_DOF], self._upper[:ROOT_DOF] = -np.inf, np.inf
+        self._all_poses = PoseStatistics.of_database(database, self.scale)
         self._predictor = predictor or _predictor(database, self.scale, self.settings)
         self._matcher = TrackerMatcher(database)
         self._relocaliser = Relocaliser(self._matcher)
@@ -184,7 +203,8 @@ class Reconstructor:
 
     def reset(self) -> None:
         """Forgets the past: the next frame starts anew."""
-        self._past: deque[SolvedPose] = deque(maxlen=SPAN)
+        self._belief = Belief()
+        self._rivals = Rivals(self._matcher)
         self._trackers = TrackerHistory()
         self._noise = NoiseMeter()
         self._return.reset()
@@ -199,10 +219,36 @@ class Reconstructor:
         the half second after it. A session, which has only the first, may leave it to `solve`."""
         offsets = -OFFSETS[len(frames) > -OFFSETS]
         points = np.array([frames[offset].positions for offset in offsets]) / self.scale
-        matches = self._matcher.best_of_all(Sighting(offsets, points))
+        sighting = Sighting(offsets, points)
+        matches = self._matcher.best_of_all(sighting)
         if not len(matches.rows):
-            matches = self._matcher.best_of_all(Sighting(offsets[:1], points[:1]))
-        self._adopt(matches, last=-1)
+            sighting = Sighting(offsets[:1], points[:1])
+            matches = self._matcher.best_of_all(sighting)
+        if len(frames) > Belief.TRIAL and self._lost_from(matches, frames):
+            others = self._matcher.best_by_facing(sighting)
+            matches = min((matches, *others), key=lambda found: self._trial(found, frames)[0].cost)
+        self._belief = self._belief_in(matches, last=-1)
+        self._rivals.reset()
+        self._relocaliser.reset()
+
+    def _lost_from(self, matches: Matches, frames: Sequence[TrackerFrame]) -> bool:
+        """Whether many trackers lead away from all poses there are, when they are solved from the best match on."""
+        return self._many(frames[0]) and self._lost(*self._trial(matches, frames))
+
+    def _lost(self, belief: Belief, coverage: float) -> bool:
+        """Whether a belief may be wrong as a whole: far from all neighbours, and a pose such as hardly any is."""
+        return coverage > self.LOST and belief.cost > self.space.dof
+
+    def _trial(self, matches: Matches, frames: Sequence[TrackerFrame]) -> tuple[Belief, float]:
+        """The belief that a match leads to over a take's first frames, and the coverage there."""
+        belief, coverage = self._belief_in(matches, last=-1), np.inf
+        for frame in frames[: Belief.TRIAL]:
+            if frame.measured.any():
+                coverage = self._explain(belief, frame, self._measurement(frame, frame.positions)).prediction.coverage
+        return belief, coverage
+
+    def _many(self, frame: TrackerFrame) -> bool:
+        return int(frame.measured.sum()) > self.FEW
 
     def solve_take(self, frames: Sequence[TrackerFrame], progress: Progress = no_progress) -> Reconstruction:
         """Forgets the past and solves a whole take of frames one database period apart.
@@ -226,32 +272,44 @@ class Reconstructor:
             self._seen_s[frame.measured] = frame.time_s
         elif self._last is None or frame.time_s - self._seen_s.max() > self.settings.hold_after_s:
             return self._held(frame)
-        if not self._past:
+        if not self._belief.past:
             self.start([frame])
         positions = self._eased(frame)
-        heading = self._past[-1].heading
-        prediction = self._predictor.predict(self._past, self._filled(positions), self._way(frame, heading))
-        predicted = perf_counter_ns()
-        points = effectors(self._measurement(frame, positions), self.role_joints, self.mounting, heading)
-        self.problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
-        found = self.map_solver.solve(self.problem, prediction.prior.mean)
-        self.solved = found.q
-        solved = perf_counter_ns()
-        pose = self.space.pose(found.q, heading, frame.time_s)
-        self._remember(pose)
-        self._relocalise(frame, prediction)
-        shown = self._easing.eased(pose)
-        stages = {"prior": predicted - began, "map": solved - predicted, "rest": perf_counter_ns() - solved}
+        measurement = self._measurement(frame, positions, self._passed_orientations(frame))
+        explained = self._explain(self._belief, frame, measurement)
+        self.problem, self.solved = explained.problem, explained.found.q
+        self._reconsider(frame, measurement, explained.prediction)
+        shown = self._easing.eased(explained.pose)
+        ended = perf_counter_ns()
+        stages = explained.stage_ns | {"rest": ended - began - sum(explained.stage_ns.values())}
         self._last = Solution(
             shown,
-            frozen(self._sigma(frame.time_s, prediction.coverage)),
-            prediction.coverage,
+            frozen(self._sigma(frame.time_s, explained.prediction.coverage)),
+            explained.prediction.coverage,
             frozen(footings(frame, False)),
             stages,
-            prediction.rows,
-            heading,
+            explained.prediction.rows,
+            explained.heading,
         )
         return self._last
+
+    def _explain(self, belief: Belief, frame: TrackerFrame, measurement: Measurement) -> "_Explained":
+        """The most probable pose for the trackers of one frame by a belief, which goes on by it."""
+        began = perf_counter_ns()
+        heading = belief.past[-1].heading
+        filled = self._filled(belief, measurement.positions)
+        prediction = self._predictor.predict(belief.past, filled, self._way(frame, heading))
+        predicted = perf_counter_ns()
+        points = effectors(measurement, self.role_joints, self.mounting, heading)
+        problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
+        found = self.map_solver.solve(problem, prediction.prior.mean)
+        solved = perf_counter_ns()
+        pose = self.space.pose(found.q, heading, frame.time_s)
+        own = self._solved_pose(pose)
+        belief.add(own, found.energy + self._all_poses.implausibility(own.q))
+        return _Explained(
+            pose, prediction, problem, found, heading, {"prior": predicted - began, "map": solved - predicted}
+        )
 
     def _held(self, frame: TrackerFrame) -> Solution:
         """The last pose again; before any tracker was seen, the database's mean pose at the world's origin."""
@@ -268,8 +326,8 @@ class Reconstructor:
         """The positions (6, 3) metres, world, to solve for; takes note of the frame. Starts anew where it must."""
         self._noise.add(frame)
         self._trackers.add(frame.positions)
-        last = self._past[-1]
-        expected = seen_from(self._going_on()[None], last.heading[None], _WORLD[None])[0]
+        last = self._belief.past[-1]
+        expected = seen_from(self._going_on(self._belief)[None], last.heading[None], _WORLD[None])[0]
         if self._last is None:
             return self._return.eased(frame, None)
         if (self._last.states != Footing.MEASURED).all() and frame.measured.any():
@@ -280,11 +338,11 @@ class Reconstructor:
                 return self._return.eased(frame, None)
         return self._return.eased(frame, expected)
 
-    def _filled(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _filled(self, belief: Belief, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Tracked joints (6, 3) seen from the last heading frame, where no tracker tells where they would go on to."""
-        last = self._past[-1]
+        last = belief.past[-1]
         seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
-        return np.where(np.isfinite(seen), seen, self._going_on()) - last.arms
+        return np.where(np.isfinite(seen), seen, self._going_on(belief)) - last.arms
 
     def _way(self, frame: TrackerFrame, heading: NDArray[np.float64]) -> Sighting | None:
         """Where few trackers were before the last pose, seen from its heading frame in the database's scale."""
@@ -297,26 +355,33 @@ class Reconstructor:
         points = seen_from(seen.points[before].reshape(1, -1, 3), _WORLD[None], heading[None])
         return Sighting(seen.offsets[before] + 1, points.reshape(-1, len(ROLES), 3) / self.scale)
 
-    def _going_on(self) -> NDArray[np.float64]:
+    def _going_on(self, belief: Belief) -> NDArray[np.float64]:
         """Where (6, 3) the trackers come to when they move on as they did, seen from the last heading frame."""
-        before, last = self._past[-2], self._past[-1]
+        before, last = belief.past[-2], belief.past[-1]
         points = (before.joints[self.role_joints] + before.arms)[None]
         earlier = seen_from(points, before.heading[None], last.heading[None])[0]
         return 2 * (last.joints[self.role_joints] + last.arms) - earlier
 
-    def _measurement(self, frame: TrackerFrame, positions: NDArray[np.float64]) -> Measurement:
+    def _measurement(
+        self, frame: TrackerFrame, positions: NDArray[np.float64], orientations: NDArray[np.float64] | None = None
+    ) -> Measurement:
         s = self.settings
         sigma = max(s.tracker_sigma_m, s.noise_gain * self._noise.sigma_m)
-        orientations = np.full_like(frame.orientations, np.nan)
-        if s.orientations and np.isfinite(frame.orientations).any():
-            off = multiply(inverse(self._past[-1].role_rotations), self.mounting.joint_rotations(frame.orientations))
-            orientations = self._gate.passed(frame.orientations, np.linalg.norm(logarithm(off), axis=-1))
-        return Measurement(positions, orientations, sigma, s.orientation_sigma)
+        unknown = np.full_like(frame.orientations, np.nan)
+        return Measurement(positions, unknown if orientations is None else orientations, sigma, s.orientation_sigma)
 
-    def _remember(self, pose: Pose) -> None:
+    def _passed_orientations(self, frame: TrackerFrame) -> NDArray[np.float64] | None:
+        """Those (6, 4) that count, NaN for the others; None where none was measured or none shall count."""
+        if not self.settings.orientations or not np.isfinite(frame.orientations).any():
+            return None
+        joints = self._belief.past[-1].role_rotations
+        off = multiply(inverse(joints), self.mounting.joint_rotations(frame.orientations))
+        return self._gate.passed(frame.orientations, np.linalg.norm(logarithm(off), axis=-1))
+
+    def _solved_pose(self, pose: Pose) -> SolvedPose:
         heading = self.space.heading(pose.root_position, pose.rotations[0])
         q = self.space.coordinates(pose.root_position[None], pose.rotations[None], heading)[0]
-        self._past.append(self._placed(q, heading))
+        return self._placed(q, heading)
 
     def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
         place(self._body, q, self._state)
@@ -324,11 +389,11 @@ class Reconstructor:
         in_world = multiply(np.tile(about_up(heading[2]), (len(ROLES), 1)), turned)
         return SolvedPose(q, heading, self._state.position.copy(), self.mounting.arms(turned), in_world)
 
-    def _adopt(self, matches: Matches, last: int) -> None:
-        """Takes poses around the best matching row as the past, up to the one `last` frames after it."""
+    def _belief_in(self, matches: Matches, last: int) -> Belief:
+        """Poses around the best matching row as the past, up to the one `last` frames after it."""
         row, heading = int(matches.rows[0]), matches.heading
         first = self.database.clip_of(row).first
-        self._past.clear()
+        past = []
         for step in range(last - SPAN + 1, last + 1):
             before = max(row + step, first)
             q = self._poses[before].astype(np.float64)
@@ -337,20 +402,44 @@ class Reconstructor:
             ground = np.array([[[own[0], 0.0, own[1]]]])
             x, _, z = seen_from(seen_from(ground, _WORLD[None], at[None]), heading[None], _WORLD[None])[0, 0]
             yaw = heading[2] + own[2] - at[2]
-            self._past.append(self._placed(q, np.array([self.scale * x, self.scale * z, yaw])))
-        self._relocaliser.reset()
+            past.append(self._placed(q, np.array([self.scale * x, self.scale * z, yaw])))
+        return Belief(past)
 
-    def _relocalise(self, frame: TrackerFrame, prediction: Prediction) -> None:
-        """Goes on looking for a better explanation of the trackers' way, and takes it where there is one."""
-        if not self.settings.relocalise or not 2 <= frame.measured.sum() <= self.FEW:
+    def _reconsider(self, frame: TrackerFrame, measurement: Measurement, prediction: Prediction) -> None:
+        """Goes on looking for a better explanation of the trackers' way, and takes it where there is one.
+
+        What explains few trackers clearly better is believed at once; many hold nearly any body, so that there other
+        facings are tried beside where the neighbours are far.
+        """
+        if not self.settings.relocalise:
             return
-        here = self._past[-1].heading / np.array([self.scale, self.scale, 1.0])
-        found = self._relocaliser.look(
-            self._trackers, self.scale, lambda sighting: self._matcher.error(sighting, prediction.rows, here)
-        )
-        if found is not None:
-            self._adopt(found, last=0)
+        better = self._contested(frame, measurement)
+        lost = self._many(frame) and not self._rivals.waiting and self._lost(self._belief, prediction.coverage)
+        if better is None and (lost or 2 <= frame.measured.sum() <= self.FEW):
+            found = self._relocaliser.look(self._trackers, self.scale)
+            if found is not None and lost:
+                self._rivals.propose(found, self._belief.past[-1].heading[2])
+            elif found is not None:
+                better = self._fitting_better(found, prediction)
+        if better is not None:
+            self._belief = better
+            self._rivals.reset()
+            self._relocaliser.reset()
             self._easing.begin()
+
+    def _fitting_better(self, found: Finding, prediction: Prediction) -> Belief | None:
+        """What was found, where it fits the trackers' way clearly better than this pose's own neighbours."""
+        here = self._belief.past[-1].heading / np.array([self.scale, self.scale, 1.0])
+        own = self._matcher.error(found.sighting, prediction.rows, here)
+        return self._belief_in(found.best, last=0) if found.beats(own) else None
+
+    def _contested(self, frame: TrackerFrame, measurement: Measurement) -> Belief | None:
+        """Lets a rival explain the frame too; the rival, when its trial is over and it was clearly better."""
+        rival = self._rivals.rival(self._trackers, self.scale, lambda found: self._belief_in(found, last=0))
+        if rival is None:
+            return None
+        self._explain(rival, frame, measurement)
+        return self._rivals.judged(rival, self.CLEARLY * self._belief.cost)
 
     def _sigma(self, time_s: float, coverage: float) -> NDArray[np.float64]:
         """(J,) radians: the root of a joint's summed posterior variance over its three directions, calibrated.

@@ -67,10 +67,14 @@ class TrackerMatcher:
         free: whether place and facing are the best ones; else the sighting is taken as seen from the rows' own
         heading frames.
         """
+        return self.fits(sighting, rows, free)[0]
+
+    def fits(self, sighting: Sighting, rows: NDArray[np.int64], free: bool = True) -> NDArray[np.float64]:
+        """(2, n): what `squares` gives, and which way, radians, each row's body faces as it lies on the sighting."""
         clip = np.searchsorted(self._first, rows, side="right") - 1
-        out = np.empty(len(rows))
+        out = np.empty((2, len(rows)))
         args = (self._tracks, self._headings, sighting.offsets, sighting.points)
-        match_kernel(rows, self._first[clip], self._end[clip], *args, free, out)
+        match_kernel(rows, self._first[clip], self._end[clip], *args, free, *out)
         return out
 
     def best(self, sighting: Sighting, rows: NDArray[np.int64], count: int) -> Matches:
@@ -90,6 +94,14 @@ class TrackerMatcher:
         stride = max(1, len(self) // self.LOOKED_AT)
         coarse = self.best(sighting, np.arange(0, len(self), stride), self.KEEP)
         return self.best(sighting, self.around(coarse.rows, stride // 2), 1)
+
+    def best_by_facing(self, sighting: Sighting) -> list[Matches]:
+        """The best row for each direction that the body may face, where there is one; best first.
+
+        Every so many-th row is looked at, as first in `best_of_all`.
+        """
+        rows = np.arange(0, len(self), max(1, len(self) // self.LOOKED_AT))
+        return [self.best(sighting, rows[[place]], 1) for place in best_by_direction(*self.fits(sighting, rows))]
 
     def around(self, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
         """All rows that are at most `reach` from one of rows (n,)."""
@@ -118,6 +130,18 @@ class TrackerMatcher:
         out = np.empty((len(offsets), *self._tracks.shape[1:]))
         trajectory_kernel(row, self._tracks, self._headings, offsets, out)
         return out
+
+
+FACINGS = 12
+"""Directions that a body may face, as `best_by_direction` tells them apart."""
+
+
+def best_by_direction(squares: NDArray[np.float64], yaw: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Places of the least of squares (n,) in each direction that yaw (n,) radians falls into; the least first."""
+    direction = np.floor(np.mod(yaw, 2 * np.pi) * (FACINGS / (2 * np.pi))).astype(np.int64) % FACINGS
+    order = np.argsort(squares, kind="stable")
+    order = order[np.isfinite(squares[order])]
+    return order[np.sort(np.unique(direction[order], return_index=True)[1])]
 
 
 def planar_fit(model: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -150,8 +174,11 @@ def trajectory_kernel(row, tracks, headings, offsets, out):
 
 
 @njit(cache=True)
-def match_kernel(rows, first, end, tracks, headings, offsets, seen, free, squares):
-    """See `TrackerMatcher.squares`; the best place and facing leave both spreads less twice their product's length."""
+def match_kernel(rows, first, end, tracks, headings, offsets, seen, free, squares, yaws):
+    """See `TrackerMatcher.squares`; the best place and facing leave both spreads less twice their product's length.
+
+    yaws: (n,) radians that each row is turned by: 0 where it may not be.
+    """
     moments, roles = seen.shape[0], seen.shape[1]
     model = np.empty((moments, roles, 3))
     n, u, v = 0, 0.0, 0.0
@@ -164,7 +191,7 @@ def match_kernel(rows, first, end, tracks, headings, offsets, seen, free, square
     for k in range(len(rows)):
         row = rows[k]
         if row + offsets.min() < first[k] or row + offsets.max() >= end[k]:
-            squares[k] = np.inf
+            squares[k], yaws[k] = np.inf, 0.0
             continue
         trajectory_kernel(row, tracks, headings, offsets, model)
         x, z = 0.0, 0.0
@@ -187,3 +214,4 @@ def match_kernel(rows, first, end, tracks, headings, offsets, seen, free, square
                 along += a * c + b * d
                 across += b * c - a * d
         squares[k] = total - 2 * (np.sqrt(along * along + across * across) if free else along)
+        yaws[k] = np.arctan2(across, along) if free else 0.0

@@ -1,8 +1,10 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from reconstruction.tracker_matching import Sighting, TrackerMatcher, planar_fit
+from reconstruction.tracker_matching import FACINGS, Sighting, TrackerMatcher, best_by_direction, planar_fit
 from reconstruction.window_features import seen_from
 
 OFFSETS = np.array([0, -5, -12])
@@ -58,6 +60,7 @@ def test_the_kernel_agrees_with_plain_minimisation(matcher):
         best = min(minimize(total, [0, 0, yaw], tol=1e-10).fun for yaw in (0, 2, 4))
         assert square == pytest.approx(best, rel=1e-4)
         fit = planar_fit(way[there], asked.points[there])
+        assert matcher.fits(asked, np.array([row]))[1, 0] == pytest.approx(fit[2], abs=1e-9)
         assert total(fit) == pytest.approx(best, rel=1e-4)
         assert matcher.error(asked, rows[rows == row], fit) == pytest.approx(np.sqrt(best / there.sum()), rel=1e-3)
 
@@ -68,3 +71,20 @@ def test_moments_outside_a_clip_do_not_count(matcher, database):
     assert np.isinf(matcher.squares(asked, np.arange(first, first + 12))).all()
     assert np.isfinite(matcher.squares(asked, np.array([first + 12]))).all()
     assert np.isnan(matcher.error(asked, np.array([first]), np.zeros(3)))
+
+
+def test_each_direction_has_its_best():
+    rng = np.random.default_rng(3)
+    squares, yaw = rng.uniform(0, 1, 500), rng.uniform(-np.pi, np.pi, 500)
+    squares[::7] = np.inf
+    sector = np.floor(np.mod(yaw, 2 * np.pi) / (2 * np.pi / FACINGS))
+    plain = [np.flatnonzero(sector == s)[np.argmin(squares[sector == s])] for s in range(FACINGS)]
+    assert best_by_direction(squares, yaw).tolist() == sorted(plain, key=lambda place: squares[place])
+
+
+def test_the_best_by_facing_face_every_way_they_can(matcher):
+    heading = np.array([2.0, -1.0, 2.5])
+    found = matcher.best_by_facing(sighting(matcher, 400, heading))
+    assert found[0].rows[0] == 400
+    assert len({int(np.mod(m.heading[2], 2 * np.pi) // (2 * np.pi / FACINGS)) for m in found}) == len(found) > 1
+    assert all(a.errors[0] <= b.errors[0] for a, b in pairwise(found))

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from devices.frame import TrackerFrame
+from devices.sample import ROLES
+from reconstruction.belief import Belief
+from reconstruction.kinematics import world_joints
+from reconstruction.relocalisation import Finding, TrackerHistory
+from reconstruction.rivals import Rivals
+from reconstruction.solver import Reconstructor, SolverSettings
+from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
+from tests.reconstruction.conftest import strolling
+
+UNSEEN = strolling(seed=31)
+
+
+def frames(trackers: int = 6) -> list[TrackerFrame]:
+    positions = world_joints(UNSEEN.skeleton, UNSEEN.root_positions, UNSEEN.rotations)[0]
+    joints = [UNSEEN.skeleton.role_joint(role) for role in ROLES[:trackers]]
+    return [
+        TrackerFrame.from_positions(t / 60, dict(zip(ROLES, now[joints], strict=False)))
+        for t, now in enumerate(positions)
+    ]
+
+
+def match(row: int, yaw: float) -> Matches:
+    return Matches(np.array([row]), np.zeros(1), np.array([0.0, 0.0, yaw]))
+
+
+def off_m(solver: Reconstructor, frame: int) -> float:
+    pose = solver.solve(frames()[frame]).pose
+    here, _ = world_joints(UNSEEN.skeleton, pose.root_position, pose.rotations)
+    true, _ = world_joints(UNSEEN.skeleton, UNSEEN.root_positions[frame], UNSEEN.rotations[frame])
+    return float(np.linalg.norm(here - true, axis=1).mean())
+
+
+def test_a_belief_costs_what_its_last_frames_cost(database):
+    belief = Belief()
+    assert belief.cost == np.inf
+    for cost in range(10):
+        belief.add(None, float(cost))  # type: ignore[arg-type]
+    assert belief.cost == np.mean(range(5, 10))
+    assert belief.age == 10
+
+
+def test_only_other_facings_are_proposed_and_each_is_tried_once(database):
+    rivals = Rivals(TrackerMatcher(database))
+    history = TrackerHistory()
+    for frame in frames()[:40]:
+        history.add(frame.positions)
+    nothing = Sighting(np.zeros(0, np.int64), np.zeros((0, 6, 3)))
+    found = Finding(nothing, match(100, 0.1), (match(100, 0.1), match(230, 2.0), match(420, -3.0)))
+    rivals.propose(found, facing=0.0)
+    tried = []
+    while rivals.waiting:
+        rival = rivals.rival(history, 1.0, lambda at: tried.append(int(at.rows[0])) or Belief())
+        assert rival is not None
+        while rivals.judged(rival, limit=1.0) is None and rival.age < Belief.TRIAL:
+            rival.add(None, 2.0)  # type: ignore[arg-type]
+    since = [row - first for row, first in zip(tried, (230, 420), strict=True)]
+    assert since[0] == 1
+    assert since[1] > since[0]
+
+
+@pytest.mark.parametrize(("cost", "wins"), [(0.5, True), (2.0, False)])
+def test_a_rival_wins_by_its_cost_when_its_trial_is_over(database, cost, wins):
+    rivals, rival = Rivals(TrackerMatcher(database)), Belief()
+    for age in range(Belief.TRIAL):
+        assert rival.age == age
+        assert rivals.judged(rival, 1.0) is None
+        rival.add(None, cost)  # type: ignore[arg-type]
+    assert rivals.judged(rival, 1.0) is (rival if wins else None)
+
+
+def test_a_body_taken_for_facing_backwards_is_turned_round_with_all_trackers_on(database, monkeypatch):
+    errors = {}
+    for relocalise in (True, False):
+        solver = Reconstructor(database, settings=SolverSettings(relocalise=relocalise))
+        best = solver._matcher.best_of_all
+        monkeypatch.setattr(solver._matcher, "best_of_all", lambda sighting, best=best: turned_round(best(sighting)))
+        solver.start(frames()[:1])
+        errors[relocalise] = [off_m(solver, frame) for frame in range(len(UNSEEN))]
+    assert errors[True][-1] < 0.02
+    assert errors[True][-1] <= errors[False][-1]
+
+
+def test_a_take_whose_best_match_faces_backwards_starts_with_another(database, monkeypatch):
+    solver = Reconstructor(database)
+    best = solver._matcher.best_of_all
+    monkeypatch.setattr(solver._matcher, "best_of_all", lambda sighting: turned_round(best(sighting)))
+    monkeypatch.setattr(solver, "_lost", lambda belief, coverage: True)
+    solver.start(frames()[:31])
+    assert off_m(solver, 0) < 0.05
+
+
+def turned_round(found: Matches) -> Matches:
+    return Matches(found.rows, found.errors, found.heading + np.array([0.0, 0.0, np.pi]))
