@@ -1,6 +1,5 @@
 """A whole motion on a character: the deformed mesh of every frame, into an archive of vertices or into pictures."""
 
-import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from deformation.deformer import DeformedMesh, Deformer, DeformSettings
 from devices.progress import Progress, no_progress
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Motion
+from replay_logs.atomic_file import written_beside
 
 
 def deformed_frames(
@@ -37,29 +37,24 @@ def write_vertices(
 
     Written frame by frame beside the path and renamed into place. Raises OSError.
     """
-    partial = path.with_name(f".{path.name}.partial")
     others = {
         "quads": character.mesh.quads,
         "triangles": character.mesh.triangles,
         "fps": np.array(motion.fps),
         "name": np.array(motion.name),
     }
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
-            with archive.open("vertices.npy", "w", force_zip64=True) as file:
-                shape = (len(motion), *character.mesh.vertices.shape)
-                np.lib.format.write_array_header_1_0(
-                    file,
-                    {"descr": "<f4", "fortran_order": False, "shape": shape},  # type: ignore[arg-type]
-                )
-                for _, mesh in deformed_frames(character, motion, settings, progress):
-                    file.write(mesh.vertices.astype("<f4").tobytes())
-            for name, array in others.items():
-                with archive.open(f"{name}.npy", "w") as file:
-                    np.lib.format.write_array(file, array, allow_pickle=False)  # type: ignore[arg-type]
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with written_beside(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
+        with archive.open("vertices.npy", "w", force_zip64=True) as file:
+            shape = (len(motion), *character.mesh.vertices.shape)
+            np.lib.format.write_array_header_1_0(
+                file,
+                {"descr": "<f4", "fortran_order": False, "shape": shape},  # type: ignore[arg-type]
+            )
+            for _, mesh in deformed_frames(character, motion, settings, progress):
+                file.write(mesh.vertices.astype("<f4").tobytes())
+        for name, array in others.items():
+            with archive.open(f"{name}.npy", "w") as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)  # type: ignore[arg-type]
 
 
 def pictures(

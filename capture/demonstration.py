@@ -24,6 +24,7 @@ from devices.errors import SixpointError
 from devices.frame import TrackerFrame
 from reconstruction.database import MotionDatabase
 from reconstruction.solver import Reconstruction, Reconstructor
+from replay_logs.atomic_file import check_folder_place
 from replay_logs.frames import load_frames
 
 DEMO_TAKE = "demo.mcap"
@@ -34,6 +35,7 @@ _FILM_FPS = 12.0
 
 def run_demo(out: Path | None, resolution: str, window: bool, seconds: float | None, as_json: bool) -> None:
     """The demo. Files are written where `out` is given or there is no window to look at."""
+    check_folder_place(out or _OUT)
     with progress_bar("opening the motion library") as progress:
         database = open_named_database(progress=progress)
     frames = _frames(database, seconds)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from capture.evaluation import Experiment, Row, mean_scores
 from capture.evaluation_runs import Score
+from replay_logs.atomic_file import written_beside
 
 PRINTED_NAMES = {
     "gplvm": "GPLVM style IK (Grochow 2004)",
@@ -213,10 +214,6 @@ def _write_csv(path: Path, rows: Sequence[dict]) -> Path:
 
 def _written_beside(path: Path, write: Callable[[Path], object]) -> Path:
     """Writes a file beside its place and renames it into it."""
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with written_beside(path) as part:
         write(part)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return path

@@ -1,10 +1,8 @@
 """Motions out, by the ending of the file: BVH, animated GLB, VRM animation, CSV and NPZ; back in from the last two."""
 
 import csv
-import os
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +17,7 @@ from reconstruction.kinematics import world_joints
 from reconstruction.motion import Motion
 from reconstruction.motion_files import write_bvh
 from reconstruction.skeleton import Skeleton
+from replay_logs.atomic_file import written_beside
 
 __all__ = ["motion_writer", "read_csv", "read_npz", "write_csv", "write_glb", "write_motion", "write_npz", "write_vrma"]
 
@@ -53,7 +52,7 @@ def motion_writer(path: str | Path) -> Callable[..., None]:
 def write_npz(motion: Motion, path: str | Path) -> None:
     """NumPy arrays `names`, `parents`, `offsets_m`, `root_positions_m`, `rotations_xyzw`, `fps` and `name`, exactly."""
     skeleton = motion.skeleton
-    with _beside(Path(path)) as beside, beside.open("wb") as file:
+    with written_beside(Path(path)) as part, part.open("wb") as file:
         np.savez_compressed(
             file,
             names=np.array(skeleton.names),
@@ -88,7 +87,7 @@ def write_csv(motion: Motion, path: str | Path) -> None:
     values = np.concatenate([positions, motion.rotations], axis=2).reshape(len(motion), -1)
     header = ["time_s", *(f"{name}.{column}" for name in motion.skeleton.names for column in _COLUMNS)]
     row = ",".join(["%.17g"] * values.shape[1])
-    with _beside(Path(path)) as beside, beside.open("w", encoding="utf-8", newline="") as file:
+    with written_beside(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(header)
         for frame, numbers in enumerate(values):
             file.write(f"{frame / motion.fps:.17g},{row % tuple(numbers)}\n")
@@ -126,13 +125,3 @@ _WRITERS: dict[str, Callable[..., None]] = {
     ".csv": write_csv,
     ".npz": write_npz,
 }
-
-
-@contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    beside = path.with_name(f".{path.name}.partial")
-    try:
-        yield beside
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)

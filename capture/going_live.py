@@ -21,6 +21,7 @@ from capture.session import Session
 from capture.start_up import process_age_s
 from capture.take_desk import TakeDesk, dated_take
 from devices.errors import FileError, SixpointError
+from replay_logs.atomic_file import check_file_place
 from replay_logs.recorder import TakeRecorder
 
 if TYPE_CHECKING:
@@ -236,8 +237,7 @@ def _check_take(take: Path | None) -> None:
         raise FileError(f"{take}: a take ends in .mcap")
     if take.exists():
         raise FileError(f"{take}: there is a file already; takes are not overwritten")
-    if not take.parent.is_dir():
-        raise FileError(f"{take}: the folder {take.parent} does not exist")
+    check_file_place(take)
 
 
 def _dated_take(folder: Path) -> Path:

@@ -16,6 +16,7 @@ from devices.errors import DeviceError, FileError
 from devices.protocols import protocols
 from devices.registry import make_device
 from devices.sample import ROLES
+from replay_logs.atomic_file import written_beside
 
 SESSION_FILE = Path("session.toml")
 _WALK_S = 6.0
@@ -81,10 +82,9 @@ def save_session(asker: Asker, config: SessionConfig, path: Path = SESSION_FILE)
     """Writes the session's file; one that is there is replaced only where that is wanted. None where it was not."""
     if path.exists() and not asker.yes(f"{path} is there already. Replace it?", default=False):
         return None
-    partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(commented_config(config), encoding="utf-8")
-        partial.replace(path)
+        with written_beside(path) as part:
+            part.write_text(commented_config(config), encoding="utf-8")
     except OSError as error:
         raise FileError(f"{path}: cannot be written: {error.strerror}") from None
     asker.say(f"Saved as {path}: next time `sixpoint live` starts at once in this folder.")

@@ -1,9 +1,7 @@
 """Pictures in a row: a folder of PNG frames, a GIF, or an MP4."""
 
-import os
 import subprocess
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from capture.raster import save_png
 from devices.errors import SixpointError, choice_error
+from replay_logs.atomic_file import written_beside
 
 _ENDINGS = (".gif", ".mp4")
 
@@ -26,8 +25,8 @@ def write_video(images: Iterable[NDArray[np.uint8]], path: str | Path, fps: floa
     if path.suffix.lower() not in _ENDINGS:
         raise choice_error("video ending", path.suffix, _ENDINGS)
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
-    with _beside(path) as partial:
-        write(_some(images, path), partial, fps)
+    with written_beside(path) as part:
+        write(_some(images, path), part, fps)
 
 
 def write_frames(images: Iterable[NDArray[np.uint8]], folder: str | Path) -> list[Path]:
@@ -39,16 +38,6 @@ def write_frames(images: Iterable[NDArray[np.uint8]], folder: str | Path) -> lis
         paths.append(folder / f"frame_{index:05d}.png")
         save_png(image, paths[-1])
     return paths
-
-
-@contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _some(images: Iterable[NDArray[np.uint8]], path: Path) -> Iterator[NDArray[np.uint8]]:

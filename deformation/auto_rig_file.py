@@ -6,7 +6,6 @@ mesh file. Lying beside its mesh as `NAME.rig.json` it is the skeleton of `NAME.
 """
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from deformation.auto_rig import AutoRig
 from devices.errors import FileError
 from reconstruction.skeleton import Skeleton
+from replay_logs.atomic_file import written_beside
 
 FORMAT = "sixpoint-rig 1"
 
@@ -37,12 +37,8 @@ def write_rig(
         "notes": list(found.notes),
         "bones": _bones(found.rig.skeleton, own),
     }
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with written_beside(path) as part:
+        part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def read_joints(path: str | Path) -> dict[str, NDArray[np.float64]]:

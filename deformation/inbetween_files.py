@@ -26,7 +26,7 @@ def write_shapes(mesh: Mesh, shapes: Iterable[NDArray[np.float64]], out: Path) -
             os.replace(partial, out)
             return len(vertices)
         shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir()
+        partial.mkdir(parents=True)
         faces = "".join(f"f {' '.join(str(v + 1) for v in face)}\n" for face in _faces(mesh))
         count = 0
         for count, vertices in enumerate(shapes, start=1):

@@ -4,7 +4,6 @@ A painting by vertex is a NumPy archive (`.npz`), one by bone a text (`.toml`); 
 Whatever a painting leaves open is found as without one.
 """
 
-import os
 import tomllib
 import zipfile
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ from deformation.shape_matching import WIDEST
 from devices.errors import FileError, choice_error
 from devices.frame import frozen
 from reconstruction.skeleton import Skeleton
+from replay_logs.atomic_file import written_beside
 
 MOST_BONE_FACTOR = 10.0
 """The largest factor on a bone's width or strength; the smallest is its inverse."""
@@ -84,16 +84,11 @@ def write_painting(painting: Painting, skeleton: Skeleton, path: str | Path) -> 
     path = Path(path)
     if path.suffix.lower() not in (".npz", ".toml"):
         raise FileError(f"{path}: a painting ends in .npz (by vertex) or .toml (by bone)")
-    partial = path.with_name(f".{path.name}.partial")
-    try:
+    with written_beside(path) as part:
         if path.suffix.lower() == ".toml":
-            partial.write_text(_toml(painting, skeleton), encoding="utf-8")
+            part.write_text(_toml(painting, skeleton), encoding="utf-8")
         else:
-            with partial.open("wb") as file:
-                np.savez_compressed(file, **_layers(painting, skeleton))  # type: ignore[arg-type]
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+            np.savez_compressed(part, **_layers(painting, skeleton))  # type: ignore[arg-type]
 
 
 def _layers(painting: Painting, skeleton: Skeleton) -> dict[str, NDArray]:

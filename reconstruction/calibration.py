@@ -30,6 +30,7 @@ from reconstruction.slipping import found_slip
 from reconstruction.stature import stature
 from reconstruction.t_pose import TPose, found_t_pose, mean_orientations, mean_positions, t_pose
 from reconstruction.tracker_matching import planar_fit
+from replay_logs.atomic_file import written_beside
 
 SEGMENT_SPREAD = 0.06
 """Standard deviation of a segment's share of the stature among adults, as a ratio (after Drillis and Contini, 1966)."""
@@ -61,13 +62,11 @@ class Profile:
 
     def write(self, path: str | Path) -> None:
         """Writes the profile as JSON, beside and renamed."""
-        path = Path(path)
-        beside = path.with_name(f".{path.name}.part")
         mounting = {"offsets": self.mounting.offsets.tolist(), "rotations": self.mounting.rotations.tolist()}
         known = {} if np.isnan(self.height_m) else {"height_m": self.height_m}
         what = {"scales": self.scales, "mounting": mounting, "residual_cm": self.residual_cm}
-        beside.write_text(json.dumps(what | {"verdict": self.verdict, "made": self.made} | known, indent=1))
-        beside.rename(path)
+        with written_beside(Path(path)) as part:
+            part.write_text(json.dumps(what | {"verdict": self.verdict, "made": self.made} | known, indent=1))
 
     @classmethod
     def read(cls, path: str | Path) -> "Profile":

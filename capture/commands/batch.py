@@ -9,6 +9,7 @@ import typer
 
 from capture.commands.options import AsJson, Database, Height, JointNames, ProfileFile
 from devices.errors import FileError, SixpointError
+from replay_logs.atomic_file import check_folder_place
 
 
 def batch(
@@ -54,6 +55,7 @@ def batch(
     place = database if database == "library" else str(Path(database).resolve())
     given = {"database__path": place, "solver__method": method, "performer__height_m": height_m, "trackers": trackers}
     given["performer__profile"] = None if profile is None else _absolute(profile)
+    check_folder_place(out)
     todo = planned(paths, out, score, ending, given, changes or [], check_preset(joint_names))
     done = {} if again else {job.take: before for job in todo if (before := kept(job))}
     left = [job for job in todo if job.take not in done]

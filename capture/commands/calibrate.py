@@ -7,6 +7,9 @@ import typer
 
 from capture.commands.live import Config, Device, Port, configured
 from capture.commands.options import AsJson, Database
+from replay_logs.atomic_file import check_file_place
+
+_PROFILE = Path("profile.json")
 
 
 def calibrate(
@@ -40,12 +43,14 @@ def calibrate(
         return
     if name is not None:
         checked_name(name)
+    if out is not None or name is None:
+        check_file_place(out or _PROFILE)
     if take is not None:
         result = calibrate_from_file(take, database, height_m)
     else:
         result = calibrate_from_devices(configured(session, device, port), seconds, database, height_m)
     kept = save_profile(name, result.profile) if name is not None else None
     if out is not None or kept is None:
-        kept = out or Path("profile.json")
+        kept = out or _PROFILE
         result.profile.write(kept)
     report(result, kept, as_json)

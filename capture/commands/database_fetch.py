@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from capture.commands.options import AsJson
-from devices.errors import FileError, choice_error
+from devices.errors import choice_error
+from replay_logs.atomic_file import check_folder_place
 
 if TYPE_CHECKING:
     from capture.cmu_site import CmuMotion
@@ -49,8 +50,7 @@ def fetch(
         raise choice_error("source", source, _SOURCES)
     words = [word for word in (actions or "").split(",") if word.strip()]
     out = out or Path("_".join([source, *(word.strip() for word in words)]).replace(" ", "-"))
-    if not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    check_folder_place(out)
     tell_all([LICENCE])
     kept = Cache(cache or platformdirs.user_cache_path("sixpoint", appauthor=False) / source)
     address = (site or SITE).rstrip("/")

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from capture.commands.options import JointNames, Resolution
-from devices.errors import FileError, SettingError, choice_error
+from devices.errors import SettingError, choice_error
+from replay_logs.atomic_file import check_file_place, check_folder_place
 
 _ENDINGS = (".glb", ".npz", ".gif", ".mp4", "a folder for PNG frames")
 
@@ -59,8 +60,7 @@ def deform(
     if ending and ending not in _ENDINGS:
         raise choice_error("ending", ending, _ENDINGS)
     preset = check_preset(joint_names)
-    if out.parent != Path() and not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    (check_file_place if ending else check_folder_place)(out)
     if particles is not None and cell_size_m is not None:
         raise SettingError("--particles and --cell-size-m are both given: use one of them")
     swing = SecondarySettings(delta, frequency_hz, damping_ratio, (0.0, -gravity_m_s2, 0.0))

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from capture.commands.options import AsJson, Height, JointNames, ProfileFile
-from devices.errors import FileError, SettingError
+from devices.errors import SettingError
+from replay_logs.atomic_file import check_file_place, check_folder_place
 
 
 def reconstruct(
@@ -92,6 +93,9 @@ def _compare(
     if is_motion and len(takes) > 1:
         raise SettingError(f"--out {out}: the comparison of {len(takes)} takes goes into a folder, without an ending")
 
+    if not is_motion:
+        check_folder_place(out)
+
     @cache
     def opened(name: str):
         with progress_bar("opening the database") as progress:
@@ -131,8 +135,7 @@ def _check_motion(out: Path, joint_names: str) -> str | None:
     from capture.joint_presets import check_preset
 
     motion_writer(out)
-    if out.parent != Path() and not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    check_file_place(out)
     return check_preset(joint_names)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from devices.errors import FileError, SixpointError, choice_error
+from replay_logs.atomic_file import check_file_place, check_folder_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,8 +67,7 @@ def rig(
     from deformation.auto_rig_poses import rig_poses
 
     settings = RigSettings(template, curves, matching)
-    if out.parent != Path() and not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    check_file_place(out)
     if show:
         _check_display()
     mesh = meshes[0]
@@ -120,8 +120,7 @@ def inbetween(
 
     if out.suffix.lower() not in ("", ".npz"):
         raise choice_error("ending", out.suffix, (".npz", "a folder for .obj files"))
-    if out.parent != Path() and not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    (check_file_place if out.suffix else check_folder_place)(out)
     settings = BeamSettings(young_modulus_pa, density_kg_m3, thickness_m, frequency_hz, damping_ratio)
     meshes = [read_mesh(path) for path in poses]
     for path, mesh in zip(poses, meshes, strict=True):

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from capture.commands.options import AsJson
-from devices.errors import FileError, choice_error
+from devices.errors import choice_error
 from devices.progress import Progress
+from replay_logs.atomic_file import check_file_place
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,8 +134,7 @@ def _check_place(out: Path, endings: tuple[str, ...]) -> str:
     """The ending of a file to be written, where it can be; before anything slow."""
     if out.suffix.lower() not in endings:
         raise choice_error(f"ending of {out}", out.suffix, endings)
-    if not out.parent.is_dir():
-        raise FileError(f"{out}: the folder {out.parent} does not exist")
+    check_file_place(out)
     return out.suffix.lower()
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from devices.errors import FileError, SettingError
+from replay_logs.atomic_file import check_file_place
 
 if TYPE_CHECKING:
     from capture.transition_evaluation import TransitionReport
@@ -48,6 +49,7 @@ def transition(
     if out is None:
         raise SettingError("--out is missing: the motion to write, for example --out C.bvh")
     motion_writer(out)
+    check_file_place(out)
     motion, steps = _sequence(_cues_of_playlist(playlist) if playlist else _cues(clips or [], at, into), method)
     write_motion(motion, out)
     rows = [_figures(step) for step in steps]

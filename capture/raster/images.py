@@ -1,11 +1,12 @@
 """Pictures on disk and pictures side by side."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from replay_logs.atomic_file import written_beside
 
 
 def save_png(image: NDArray[np.uint8], path: str | Path, colours: int | None = None) -> None:
@@ -15,16 +16,11 @@ def save_png(image: NDArray[np.uint8], path: str | Path, colours: int | None = N
     """
     from PIL import Image
 
-    path = Path(path)
-    partial = path.with_name(path.name + ".partial")
-    try:
-        picture = Image.fromarray(image)
-        if colours is not None:
-            picture = picture.quantize(colours, dither=Image.Dither.NONE)
-        picture.save(partial, format="PNG", compress_level=6 if colours is None else 9)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    picture = Image.fromarray(image)
+    if colours is not None:
+        picture = picture.quantize(colours, dither=Image.Dither.NONE)
+    with written_beside(Path(path)) as part:
+        picture.save(part, format="PNG", compress_level=6 if colours is None else 9)
 
 
 def contact_sheet(images: Sequence[NDArray[np.uint8]], columns: int = 4, gap: int = 6) -> NDArray[np.uint8]:

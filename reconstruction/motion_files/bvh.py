@@ -20,6 +20,7 @@ from devices.frame import frozen
 from reconstruction.motion import Motion
 from reconstruction.motion_operations import continuous_hemispheres
 from reconstruction.skeleton import Skeleton
+from replay_logs.atomic_file import written_beside
 
 _CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
 
@@ -275,12 +276,8 @@ def write_bvh(motion: Motion, path: str | Path, unit_m: float = 0.01, order: str
         f"Frame Time: {1 / motion.fps:.10g}",
         *(row % tuple(frame) for frame in values),
     ]
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text("\n".join(text) + "\n", encoding="utf-8", newline="\n")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with written_beside(path) as part:
+        part.write_text("\n".join(text) + "\n", encoding="utf-8", newline="\n")
 
 
 def _is_end_site(skeleton: Skeleton, joint: int) -> bool:

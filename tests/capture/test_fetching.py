@@ -336,10 +336,11 @@ def test_a_page_without_motions_and_a_broken_archive_are_said_so(site, cache):
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(("bandai",), "cmu"), (("cmu", "--out", "none/db"), "does not exist"), (("cmu", "--actions", "fly"), "described")],
+    [(("bandai",), "cmu"), (("cmu", "--out", "a_file/db"), "is a file"), (("cmu", "--actions", "fly"), "described")],
 )
 def test_wrong_words_are_one_line(run, mocap, tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
+    Path("a_file").touch()
     status, _, error = run("database", "fetch", *words, "--site", mocap.address, "--cache", Path("cache"))
     assert status == 2
     assert message in error.strip().splitlines()[-1]
