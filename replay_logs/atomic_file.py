@@ -37,7 +37,8 @@ def check_folder_place(path: Path) -> None:
     """Before anything slow: whether a folder is there or can be made, and be written into. Raises FileError."""
     there = next((above for above in (path, *path.parents) if above.exists()), Path())
     if not there.is_dir():
-        raise FileError(f"{path}: {there} is a file; name a folder")
+        what = "a file is there" if there == path else f"{there} is a file"
+        raise FileError(f"{path}: {what}; name a folder")
     _check_writable(path, there)
 
 

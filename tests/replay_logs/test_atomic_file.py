@@ -37,7 +37,7 @@ def test_places_are_judged_before_anything_slow(tmp_path):
     for place, words in ((tmp_path / "new" / "a", "new does not exist"), (tmp_path, "a folder is there")):
         with pytest.raises(FileError, match=words):
             check_file_place(place)
-    for place in (tmp_path / "file", tmp_path / "file" / "in"):
-        with pytest.raises(FileError, match="file is a file; name a folder"):
+    for place, words in ((tmp_path / "file", "a file is there"), (tmp_path / "file" / "in", "file is a file")):
+        with pytest.raises(FileError, match=f"{words}; name a folder"):
             check_folder_place(place)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
