@@ -47,6 +47,24 @@ def and_lost(
     )
 
 
+def and_recalled(
+    seen: Effectors,
+    lost: NDArray[np.bool_],
+    places: NDArray[np.float64],
+    sigma_m: NDArray[np.float64],
+    role_joints: NDArray[np.int64],
+) -> Effectors:
+    """Effectors with the joints (L,) of lost roles (6,) added where they are expected, places (L, 3)."""
+    if not len(places):
+        return seen
+    return Effectors(
+        np.concatenate((seen.joints, role_joints[lost])),
+        np.concatenate((seen.offsets, np.zeros((len(places), 3)))),
+        np.concatenate((seen.targets, places)),
+        np.concatenate((seen.weights, 1 / sigma_m)),
+    )
+
+
 def effectors(
     measured: Measurement, role_joints: NDArray[np.int64], mounting: Mounting, heading: NDArray[np.float64]
 ) -> Effectors:

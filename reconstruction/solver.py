@@ -16,7 +16,8 @@ from reconstruction.belief import Belief
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
-from reconstruction.effectors import Measurement, and_lost, effectors
+from reconstruction.effectors import Measurement, and_lost, and_recalled, effectors
+from reconstruction.likelihood import Effectors
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
 from reconstruction.map_solver import MapSolution, MapSolver
@@ -30,6 +31,7 @@ from reconstruction.prediction import Prediction, Predictor, SolvedPose
 from reconstruction.relocalisation import OFFSETS, Finding, Relocaliser, TrackerHistory
 from reconstruction.rivals import Rivals
 from reconstruction.rotations import about_up, inverse, logarithm, multiply
+from reconstruction.session_memory import SessionMemory
 from reconstruction.skeleton import Skeleton
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
 from reconstruction.tracking import Footing, NoiseMeter, OrientationGate, PoseEasing, TrackerReturn, footings
@@ -126,13 +128,16 @@ class Reconstruction:
 
 @dataclass(frozen=True, eq=False)
 class _Explained:
-    """One frame by one belief. heading: (3,) from where the problem and what was found are seen."""
+    """One frame by one belief. heading: (3,) from where the problem and what was found are seen; measured: those of the
+    problem's effectors that trackers stand for; moment: (2, 6, 3) the tracked joints, as `SessionMemory` takes them."""
 
     pose: Pose
     prediction: Prediction
     problem: MapProblem
     found: MapSolution
     heading: NDArray[np.float64]
+    measured: Effectors
+    moment: NDArray[np.float64]
     stage_ns: dict[str, int]
 
 
@@ -181,6 +186,7 @@ class Reconstructor:
         """The last frame's MAP problem, ..."""
         self.solved: NDArray[np.float64]
         """... and its solution (D,), seen from the same heading frame."""
+        self._measured: Effectors
         self.map_solver = MapSolver(self._body, self.space.dof)
         self.role_joints = np.array([skeleton.role_joint(role) for role in ROLES], np.int64)
         self._poses, self._headings = np.asarray(database.poses), np.asarray(database.headings)
@@ -207,6 +213,7 @@ class Reconstructor:
         self._rivals = Rivals(self._matcher)
         self._trackers = TrackerHistory()
         self._noise = NoiseMeter()
+        self._memory = SessionMemory()
         self._return.reset()
         self._easing.reset()
         self._gate.reset()
@@ -278,6 +285,9 @@ class Reconstructor:
         measurement = self._measurement(frame, positions, self._passed_orientations(frame))
         explained = self._explain(self._belief, frame, measurement)
         self.problem, self.solved = explained.problem, explained.found.q
+        self._measured = explained.measured
+        if self._last is not None and not self._gone(frame).any():
+            self._memory.add(explained.moment)
         self._reconsider(frame, measurement, explained.prediction)
         shown = self._easing.eased(explained.pose)
         ended = perf_counter_ns()
@@ -300,16 +310,35 @@ class Reconstructor:
         filled = self._filled(belief, measurement.positions)
         prediction = self._predictor.predict(belief.past, filled, self._way(frame, heading))
         predicted = perf_counter_ns()
-        points = effectors(measurement, self.role_joints, self.mounting, heading)
+        moment = self._moment(belief, filled)
+        measured = effectors(measurement, self.role_joints, self.mounting, heading)
+        points = self._and_recalled(frame, moment, measured)
         problem = MapProblem(self._body, prediction.prior, points, self._lower, self._upper)
         found = self.map_solver.solve(problem, prediction.prior.mean)
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
         own = self._solved_pose(pose)
         belief.add(own, found.energy + self._all_poses.implausibility(own.q))
-        return _Explained(
-            pose, prediction, problem, found, heading, {"prior": predicted - began, "map": solved - predicted}
-        )
+        stages = {"prior": predicted - began, "map": solved - predicted}
+        return _Explained(pose, prediction, problem, found, heading, measured, moment, stages)
+
+    def _gone(self, frame: TrackerFrame) -> NDArray[np.bool_]:
+        """(6,) trackers that were there once and are not now."""
+        return ~frame.measured & np.isfinite(self._seen_s)
+
+    def _moment(self, belief: Belief, filled: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(2, 6, 3) metres, seen from the last heading frame: tracked joints, and their ways over the last poses."""
+        earliest, heading = belief.past[0], belief.past[-1].heading
+        earlier = seen_from(earliest.joints[self.role_joints][None], earliest.heading[None], heading[None])[0]
+        return np.stack((filled, filled - earlier))
+
+    def _and_recalled(self, frame: TrackerFrame, moment: NDArray[np.float64], points: Effectors) -> Effectors:
+        """With the joints of lost trackers where this session says they are."""
+        gone = self._gone(frame)
+        if not gone.any():
+            return points
+        recalled = self._memory.recall(moment, frame.measured, gone)
+        return and_recalled(points, gone, recalled.places, recalled.sigma_m, self.role_joints)
 
     def _held(self, frame: TrackerFrame) -> Solution:
         """The last pose again; before any tracker was seen, the database's mean pose at the world's origin."""
@@ -449,7 +478,7 @@ class Reconstructor:
         """
         p = self.problem
         unseen_s = time_s - self._seen_s
-        known = and_lost(p.effectors, unseen_s, self.STRAY_M_S, self.role_joints, self.mounting)
+        known = and_lost(self._measured, unseen_s, self.STRAY_M_S, self.role_joints, self.mounting)
         root = self.map_solver.covariance_root(replace(p, prior=p.prior.without_last, effectors=known), self.solved)
         variance = np.einsum("ij,ij->i", root, root)[3:].reshape(-1, 3).sum(axis=1)
         sigma = np.zeros(len(self.skeleton))
