@@ -89,14 +89,18 @@ _group(
 _group("config", "The session's settings.", [("init", config.init), ("check", config.check)])
 
 
+_INTERRUPTED = 130
+"""Exit status, as shells have it for Ctrl-C."""
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command and returns its exit status: 0 done, 2 something a user can mend, 130 interrupted."""
     try:
         status = app(arguments, prog_name="sixpoint", standalone_mode=False)
     except Abort:
-        return _failed("interrupted", 130)
+        return _failed("interrupted", _INTERRUPTED)
     except KeyboardInterrupt:
-        return _failed("interrupted", 130)
+        return _failed("interrupted", _INTERRUPTED)
     except TyperException as error:
         return _failed(" ".join(getattr(error, "format_message", error.__str__)().split()))
     except SixpointError as error:
@@ -105,6 +109,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except OSError as error:
         return _failed(_os_message(error))
+    if status == _INTERRUPTED:  # typer turns Ctrl-C into it
+        return _failed("interrupted", _INTERRUPTED)
     return status if isinstance(status, int) else 0
 
 

@@ -1,15 +1,15 @@
 """Solving held-out clips by many methods, several processes at a time, and scoring what comes out."""
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 
 from capture.accuracy import Accuracy, accuracy, share_within_sigma
 from capture.evaluation_data import Clip
+from capture.workers import by_processes
+from devices.errors import SixpointError
 from devices.frame import TrackerFrame
 from devices.progress import Progress, no_progress
 from devices.sample import ROLES
@@ -82,16 +82,10 @@ def solve_runs(runs: Sequence[Run], jobs: int = 1, progress: Progress = no_progr
                 done += 1
                 progress(done, total)
     else:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            asked = {pool.submit(_solved, run): number for number, run in enumerate(runs)}
-            try:
-                for finished in as_completed(asked):
-                    found[asked[finished]] = finished.result()
-                    done += len(finished.result())
-                    progress(done, total)
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        for number, scores in by_processes(_solved, list(enumerate(runs)), _lost, jobs):
+            found[number] = scores
+            done += len(scores)
+            progress(done, total)
     return tuple(score for number in range(len(runs)) for score in found[number])
 
 
@@ -140,8 +134,13 @@ def tracker_frames(motion: Motion, roles: Sequence[str]) -> list[TrackerFrame]:
     ]
 
 
-def _solved(run: Run) -> list[Score]:
-    return list(scores_of(run))
+def _solved(job: tuple[int, Run]) -> tuple[int, list[Score]]:
+    number, run = job
+    return number, list(scores_of(run))
+
+
+def _lost(job: tuple[int, Run], reason: str) -> tuple[int, list[Score]]:
+    raise SixpointError(f"{job[1].method} with {job[1].trackers} trackers: {reason}")
 
 
 @lru_cache(maxsize=2)

@@ -4,9 +4,11 @@ A job that kills its process, or loses it, does not take the others with it.
 """
 
 import signal
+import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import Any, TypeVar
 
@@ -38,7 +40,8 @@ def by_processes(work: Callable[[J], R], jobs: Sequence[J], lost: Lost, processe
 
 def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> Generator[R, None, list[J]]:
     """Takes jobs from the end of `waiting`; gives those that were being done when a process died."""
-    # Ctrl-C reaches the whole group: the parent alone answers it, and ends the others.
+    # Ctrl-C reaches the whole group: the parent alone answers it, and ends the others; those that have only just begun
+    # and cannot ignore it yet inherit that it is blocked.
     pool = ProcessPoolExecutor(processes, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
     asked: dict[Future[R], J] = {}
     broken: list[J] = []
@@ -48,7 +51,8 @@ def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> G
             while waiting and alive and len(asked) < processes:
                 job = waiting.pop()
                 try:
-                    asked[pool.submit(work, job)] = job
+                    with _sigint_blocked():
+                        asked[pool.submit(work, job)] = job
                 except BrokenProcessPool:
                     waiting.append(job)
                     alive = False
@@ -66,6 +70,19 @@ def _until_broken(work: Callable[[J], R], waiting: list[J], processes: int) -> G
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     return broken
+
+
+@contextmanager
+def _sigint_blocked() -> Iterator[None]:
+    """Ctrl-C waits until the end, for this thread and for good for processes that are begun in it (but on Windows)."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def by_cluster(work: Callable[[J], R], jobs: Sequence[J], lost: Lost, scheduler: str) -> Iterator[R]:
