@@ -10,7 +10,7 @@ from reconstruction.database import MotionDatabase
 from reconstruction.gathering import gather
 from reconstruction.local_model import LocalModelSettings, local_prior
 from reconstruction.pose_statistics import PoseStatistics
-from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 from reconstruction.tracker_matching import Sighting, TrackerMatcher
 from reconstruction.window_features import seen_from
 
@@ -45,6 +45,8 @@ class DefaultPredictor:
     vary together; and it trusts the neighbours less the farther they are.
     """
 
+    FEW = 4
+    """Up to so many trackers count by their way too."""
     WIDEST = 10.0
     """Most that the prior widens: beyond, the database has nothing to say."""
 
@@ -60,15 +62,13 @@ class DefaultPredictor:
         self._clips = np.searchsorted(database.firsts, self._windows, side="right")
         self._all_poses = PoseStatistics.of_database(database, scale)
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
         s, last = self._neighbours, past[-1]
-        numbers, near = self._database.index.nearest(self._feature(past, trackers), s.candidates)
+        numbers, near = self._database.index.nearest(self._feature(past, seen.trackers), s.candidates)
         distances = near
-        if way is not None:
-            distances = np.sqrt(near**2 + s.way_weight * self._mean_squares(way, numbers))
+        if seen.way is not None and seen.measured.sum() <= self.FEW:
+            distances = np.sqrt(near**2 + s.way_weight * self._mean_squares(seen.way, numbers))
             order = np.argsort(distances, kind="stable")
             numbers, near, distances = numbers[order], near[order], distances[order]
         keep = thinned(self._windows[numbers], self._clips[numbers], s.apart, s.count)

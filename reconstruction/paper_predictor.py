@@ -10,8 +10,7 @@ from reconstruction.gathering import gather, see_from
 from reconstruction.local_regression import history_weights, regress
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.paper_histories import HistorySearch, histories, history_search
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 
 
 class PaperPredictor:
@@ -31,9 +30,7 @@ class PaperPredictor:
         self.search = search or history_search(database)
         self._spacing = self._typical_distance()
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`; the trackers are not looked at."""
         query = self._query(past)
         numbers, distances = self.search.nearest(self.search.space.projected(query), past, self.NEIGHBOURS)

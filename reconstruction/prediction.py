@@ -1,12 +1,13 @@
 """What every method says before it looks at the likelihood: the prior of the next pose, and what it comes from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.sample import ROLES
 from reconstruction.map_problem import GaussianPrior
 from reconstruction.tracker_matching import Sighting
 
@@ -34,15 +35,24 @@ class Prediction:
     coverage: float
 
 
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a predictor may know of this frame, seen from the last pose's heading frame.
+
+    trackers: (6, 3) metres, tracked joints; those whose tracker is missing stand where they would go on to.
+    measured: (6,) which of them were.
+    way: where trackers were up to half a second before the last pose, in the database's scale; None where too little
+        of it is known.
+    """
+
+    trackers: NDArray[np.float64]
+    measured: NDArray[np.bool_] = field(default_factory=lambda: np.ones(len(ROLES), np.bool_))
+    way: Sighting | None = None
+
+
 class Predictor(Protocol):
     """A method's prior p(q_t | Q_{t,m}), and, where it looks at them, c_t."""
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
-        """From the last poses, the latest at the end, and tracked joints (6, 3) metres seen from its heading frame.
-
-        Joints whose tracker is missing stand where they would go on to. way: where trackers were up to half a second
-        before the last pose, seen from its heading frame, in the database's scale; given where they are few.
-        """
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
+        """From the last poses, the latest at the end, and what is seen of this one."""
         ...

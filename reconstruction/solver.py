@@ -27,7 +27,7 @@ from reconstruction.mounting import Mounting
 from reconstruction.paper_predictor import PaperPredictor
 from reconstruction.pose_space import ROOT_DOF
 from reconstruction.pose_statistics import PoseStatistics
-from reconstruction.prediction import Prediction, Predictor, SolvedPose
+from reconstruction.prediction import Observation, Prediction, Predictor, SolvedPose
 from reconstruction.relocalisation import OFFSETS, Finding, Relocaliser, TrackerHistory
 from reconstruction.rivals import Rivals
 from reconstruction.rotations import about_up, inverse, logarithm, multiply
@@ -308,7 +308,8 @@ class Reconstructor:
         began = perf_counter_ns()
         heading = belief.past[-1].heading
         filled = self._filled(belief, measurement.positions)
-        prediction = self._predictor.predict(belief.past, filled, self._way(frame, heading))
+        seen = Observation(filled, frame.measured, self._way(heading))
+        prediction = self._predictor.predict(belief.past, seen)
         predicted = perf_counter_ns()
         moment = self._moment(belief, filled)
         measured = effectors(measurement, self.role_joints, self.mounting, heading)
@@ -373,10 +374,8 @@ class Reconstructor:
         seen = seen_from(positions[None], _WORLD[None], last.heading[None])[0]
         return np.where(np.isfinite(seen), seen, self._going_on(belief)) - last.arms
 
-    def _way(self, frame: TrackerFrame, heading: NDArray[np.float64]) -> Sighting | None:
-        """Where few trackers were before the last pose, seen from its heading frame in the database's scale."""
-        if frame.measured.sum() > self.FEW:
-            return None
+    def _way(self, heading: NDArray[np.float64]) -> Sighting | None:
+        """Where trackers were before the last pose, seen from its heading frame in the database's scale."""
         seen = self._trackers.sighting()
         before = seen.offsets < 0
         if not before.any():

@@ -30,9 +30,8 @@ from reconstruction.kinematics import world_transforms
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.local_regression import history_weights
 from reconstruction.motion import Pose
-from reconstruction.prediction import Prediction, SolvedPose
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 from reconstruction.solver import Reconstructor, Solution
-from reconstruction.tracker_matching import Sighting
 from reconstruction.tracking import Footing
 from reconstruction.window_features import SPAN, seen_from
 from replay_logs.frames import load_frames
@@ -60,10 +59,8 @@ class WatchedPredictor:
         self.said: Prediction
         self.past: list[SolvedPose]
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
-        self.past, self.said = list(past), self._own.predict(past, trackers, way)
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
+        self.past, self.said = list(past), self._own.predict(past, seen)
         return self.said
 
 

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 
 _ON_THE_FLOOR = [0, 2, 4]
 """Places in q of the root's x, z and yaw: where on the floor and which way, no part of the posture."""
@@ -33,9 +31,7 @@ class DampedIkPredictor:
         self._posture[_ON_THE_FLOOR] = 0.0
         self._precision = np.diag(self._posture + self.STEP**-2)
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`; the trackers come in with the likelihood."""
         pulled = (self._posture * self._mean + self.STEP**-2 * past[-1].q) / self._precision.diagonal()
         return Prediction(GaussianPrior(pulled, self._precision), np.zeros(0, np.int64), 1.0)

@@ -8,14 +8,12 @@ subspace is exact; here a pose may leave it by `STRAY`, so that the solver and t
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 
 from reconstruction.baselines.neighbourhood import NeighbourhoodFinder, own_history
 from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 
 
 class LocalPcaPredictor:
@@ -32,11 +30,9 @@ class LocalPcaPredictor:
         """scale: the performer's size over the database's; roles: the trackers there are, which it does not need."""
         self._finder = NeighbourhoodFinder(database, scale)
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
-        near = self._finder.find(past, trackers)
+        near = self._finder.find(past, seen.trackers)
         subspace = PCA(self.VARIANCE_KEPT, svd_solver="full").fit(near.following)
         mean, basis, variance = (
             np.asarray(x, np.float64) for x in (subspace.mean_, subspace.components_, subspace.explained_variance_)

@@ -7,14 +7,12 @@ Gaussian error whose spread is what the regression leaves over (their section 5)
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 
 from reconstruction.baselines.neighbourhood import NeighbourhoodFinder, own_history
 from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 
 
 class LocalPcrPredictor:
@@ -31,11 +29,9 @@ class LocalPcrPredictor:
         """scale: the performer's size over the database's; roles: the trackers there are, which it does not need."""
         self._finder = NeighbourhoodFinder(database, scale)
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
-        near = self._finder.find(past, trackers)
+        near = self._finder.find(past, seen.trackers)
         components = PCA(self.VARIANCE_KEPT, svd_solver="full").fit(near.histories)
         scores = components.transform(near.histories)
         query = components.transform(own_history(past)[None])[0]

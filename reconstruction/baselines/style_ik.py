@@ -16,8 +16,8 @@ from reconstruction.baselines.gplvm import learned, spread_out
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.map_problem import GaussianPrior
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting, planar_fit
+from reconstruction.prediction import Observation, Prediction, SolvedPose
+from reconstruction.tracker_matching import planar_fit
 
 _ON_THE_FLOOR = np.array([0, 2, 4])
 """Places in q of the root's x, z and (near enough, tilts being small) yaw: where on the floor, no part of the style."""
@@ -55,11 +55,9 @@ class StyleIkPredictor:
         self._tracked = np.array([self._placed(y) for y in active[:, self._free]])
         self._latent: NDArray[np.float64] | None = None
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
-        wanted = trackers[self._columns] / self._scale
+        wanted = seen.trackers[self._columns] / self._scale
         last = past[-1].q[self._free]
         best = self._start(wanted, last)
         found = minimize(

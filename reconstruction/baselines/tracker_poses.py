@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from devices.sample import ROLES
@@ -11,8 +10,7 @@ from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.gathering import gather
 from reconstruction.map_problem import GaussianPrior
-from reconstruction.prediction import Prediction, SolvedPose
-from reconstruction.tracker_matching import Sighting
+from reconstruction.prediction import Observation, Prediction, SolvedPose
 from reconstruction.window_features import seen_from
 
 _AS_IT_IS = 1e-5
@@ -40,11 +38,9 @@ class TrackerPosePredictor:
         self._state = BodyState.of(len(database.space.skeleton))
         self._joints = [database.space.skeleton.role_joint(role) for role in roles]
 
-    def predict(
-        self, past: Sequence[SolvedPose], trackers: NDArray[np.float64], way: Sighting | None = None
-    ) -> Prediction:
+    def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
-        wanted = trackers[self._columns] / self._scale
+        wanted = seen.trackers[self._columns] / self._scale
         distances, numbers = self._tree.query(wanted.ravel(), self._count)
         rows = self._rows[np.atleast_1d(numbers)]
         mean = gather(rows, 0, self._poses, self._headings).mean(axis=0)

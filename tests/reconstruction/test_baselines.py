@@ -15,7 +15,7 @@ from reconstruction.body_kinematics import Body, joint_positions
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
 from reconstruction.local_model import LocalModelSettings
-from reconstruction.prediction import SolvedPose
+from reconstruction.prediction import Observation, SolvedPose
 from reconstruction.solver import reconstruct
 from tests.reconstruction.conftest import strolling
 
@@ -51,7 +51,7 @@ def all_six(database: MotionDatabase):
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_prior_is_a_proper_gaussian(name: str, database: MotionDatabase, all_six) -> None:
     past, trackers, _ = moment(database, 400)
-    prior = all_six[name].predict(past, trackers).prior
+    prior = all_six[name].predict(past, Observation(trackers)).prior
     assert prior.mean.shape == (database.space.dof,)
     assert np.allclose(prior.precision, prior.precision.T)
     assert np.linalg.eigvalsh(prior.precision).min() > 0
@@ -62,13 +62,13 @@ def test_inside_the_data_the_prior_is_near_the_truth(name: str, database: Motion
     off = []
     for row in range(380, 460, 10):
         past, trackers, truth = moment(database, row)
-        off.append(np.abs(all_six[name].predict(past, trackers).prior.mean - truth).mean())
+        off.append(np.abs(all_six[name].predict(past, Observation(trackers)).prior.mean - truth).mean())
     assert np.mean(off) < 0.06
 
 
 def test_a_pose_of_the_database_is_its_own_nearest(database: MotionDatabase, all_six) -> None:
     past, trackers, truth = moment(database, 400)
-    found = all_six["nearest"].predict(past, trackers)
+    found = all_six["nearest"].predict(past, Observation(trackers))
     assert found.rows[0] == 400
     assert np.allclose(found.prior.mean, truth, atol=1e-4)
 
@@ -76,7 +76,7 @@ def test_a_pose_of_the_database_is_its_own_nearest(database: MotionDatabase, all
 def test_the_pose_is_laid_onto_the_trackers(database: MotionDatabase) -> None:
     past, trackers, _ = moment(database, 400)
     predictor = TrackerPosePredictor(database, 1.0, ROLES, count=16)
-    here = predictor.predict(past, trackers).prior.mean
+    here = predictor.predict(past, Observation(trackers)).prior.mean
     joints = [database.space.skeleton.role_joint(role) for role in ROLES]
     placed = joint_positions(Body.of(database.space), here[None])[0, joints]
     assert np.allclose(placed.mean(axis=0), trackers.mean(axis=0), atol=1e-6)
@@ -84,7 +84,9 @@ def test_the_pose_is_laid_onto_the_trackers(database: MotionDatabase) -> None:
 
 def test_the_neighbours_are_those_of_our_own_method(database: MotionDatabase) -> None:
     past, trackers, _ = moment(database, 400)
-    ours = DefaultPredictor(database, 1.0, NeighbourSettings(), LocalModelSettings()).predict(past, trackers)
+    ours = DefaultPredictor(database, 1.0, NeighbourSettings(), LocalModelSettings()).predict(
+        past, Observation(trackers)
+    )
     near = NeighbourhoodFinder(database, 1.0).find(past, trackers)
     assert np.array_equal(near.rows, ours.rows)
     assert near.weights.sum() == pytest.approx(1.0)
