@@ -4,6 +4,8 @@ import errno
 import os
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 from typer.exceptions import Abort, TyperException
@@ -29,6 +31,21 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        print(f"sixpoint {version('sixpoint')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    told: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell the version.")
+    ] = False,
+) -> None:
+    pass
 
 
 def _group(name: str, meaning: str, commands: list[tuple[str, Callable[..., None]]]) -> None:
@@ -102,7 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _failed("interrupted", _INTERRUPTED)
     except TyperException as error:
-        return _failed(" ".join(getattr(error, "format_message", error.__str__)().split()))
+        return _failed(_usage_message(error))
     except SixpointError as error:
         return _failed(str(error))
     except BrokenPipeError:
@@ -114,8 +131,18 @@ def main(arguments: list[str] | None = None) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _usage_message(error: TyperException) -> str:
+    """A wrong command line in words; "" where its help was printed in their place."""
+    message = " ".join(getattr(error, "format_message", error.__str__)().split())
+    if not message.startswith("No such command"):
+        return message
+    context = getattr(error, "ctx", None)
+    return f"{message} `{context.command_path if context else 'sixpoint'} --help` lists them"
+
+
 def _failed(message: str, status: int = 2) -> int:
-    print(f"sixpoint: {message}", file=sys.stderr)
+    if message:
+        print(f"sixpoint: {message}", file=sys.stderr)
     return status
 
 

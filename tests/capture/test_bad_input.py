@@ -1,5 +1,7 @@
 """Bad input gets one clear line and exit status 2, and leaves nothing half-written."""
 
+from importlib.metadata import version
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,30 @@ def test_a_rate_that_the_database_does_not_have(run, database, tmp_path):
     status, _, err = run("live", tmp_path / "session.toml", "--no-window", "--seconds", 1)
     assert status == 2
     assert "rate_hz is 90" in one_line(err)
+
+
+def test_a_command_that_there_is_not(run):
+    for words, there in ((("reconstrct",), "sixpoint --help"), (("take", "inof"), "sixpoint take --help")):
+        status, _, err = run(*words)
+        assert status == 2
+        assert f"`{there}` lists them" in one_line(err)
+
+
+def test_no_command_at_all_gets_the_help(run):
+    status, out, err = run()
+    assert (status, err) == (2, "")
+    assert "reconstruct" in out
+
+
+def test_ctrl_c_is_told(run, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("replay_logs.take.read_take", interrupted)
+    status, _, err = run("take", "info", "any.mcap")
+    assert status == 130
+    assert one_line(err) == "sixpoint: interrupted"
+
+
+def test_the_version_is_told(run):
+    assert run("--version") == (0, f"sixpoint {version('sixpoint')}\n", "")
