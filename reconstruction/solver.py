@@ -33,6 +33,7 @@ from reconstruction.rivals import Rivals
 from reconstruction.rotations import about_up, inverse, logarithm, multiply
 from reconstruction.session_memory import SessionMemory
 from reconstruction.skeleton import Skeleton
+from reconstruction.tracker_filter import TrackerFilter
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
 from reconstruction.tracking import Footing, NoiseMeter, OrientationGate, PoseEasing, TrackerReturn, footings
 from reconstruction.window_features import SPAN, seen_from
@@ -59,7 +60,7 @@ class SolverSettings:
 
     method: str = "default"
     tracker_sigma_m: float = 0.002
-    noise_gain: float = 8.0
+    noise_gain: float = 5.0
     orientations: bool = True
     orientation_sigma: float = 0.03
     hold_after_s: float = 0.5
@@ -213,6 +214,7 @@ class Reconstructor:
         self._rivals = Rivals(self._matcher)
         self._trackers = TrackerHistory()
         self._noise = NoiseMeter()
+        self._filter = TrackerFilter(self.database.fps)
         self._memory = SessionMemory()
         self._return.reset()
         self._easing.reset()
@@ -279,6 +281,7 @@ class Reconstructor:
             self._seen_s[frame.measured] = frame.time_s
         elif self._last is None or frame.time_s - self._seen_s.max() > self.settings.hold_after_s:
             return self._held(frame)
+        frame = self._without_noise(frame)
         if not self._belief.past:
             self.start([frame])
         positions = self._eased(frame)
@@ -341,6 +344,11 @@ class Reconstructor:
         recalled = self._memory.recall(moment, frame.measured, gone)
         return and_recalled(points, gone, recalled.places, recalled.sigma_m, self.role_joints)
 
+    def _without_noise(self, frame: TrackerFrame) -> TrackerFrame:
+        """The frame with filtered positions; takes note of its noise."""
+        self._noise.add(frame)
+        return replace(frame, positions=frozen(self._filter.filtered(frame.positions, self._noise.sigma_m)))
+
     def _held(self, frame: TrackerFrame) -> Solution:
         """The last pose again; before any tracker was seen, the database's mean pose at the world's origin."""
         if self._last is None:
@@ -354,7 +362,6 @@ class Reconstructor:
 
     def _eased(self, frame: TrackerFrame) -> NDArray[np.float64]:
         """The positions (6, 3) metres, world, to solve for; takes note of the frame. Starts anew where it must."""
-        self._noise.add(frame)
         self._trackers.add(frame.positions)
         last = self._belief.past[-1]
         expected = seen_from(self._going_on(self._belief)[None], last.heading[None], _WORLD[None])[0]
