@@ -1,7 +1,6 @@
 """A take in memory written to a file again: every byte, mark and change of settings where it stood."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from heapq import merge
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from devices.driver import RawChunk, Reading
 from devices.errors import FileError
 from devices.progress import Progress, no_progress
 from devices.protocols.protocol import DeviceProtocol
+from replay_logs.atomic_file import written_beside
 from replay_logs.recorder import TakeRecorder
 from replay_logs.span import Span
 from replay_logs.take import Mark, SettingsChange, Take
@@ -24,15 +24,8 @@ def write_take(take: Take, path: Path | str, progress: Progress = no_progress) -
     path = Path(path)
     if path.exists():
         raise FileError(f"{path}: there is a file already; takes are not overwritten")
-    part = path.with_name(f".{path.name}.part")
-    part.unlink(missing_ok=True)
-    try:
-        with TakeRecorder(part, take.metadata) as recorder:
-            _write(take, recorder, progress)
-        part.replace(path)
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
+    with written_beside(path) as part, TakeRecorder(part, take.metadata) as recorder:
+        _write(take, recorder, progress)
 
 
 def _write(take: Take, recorder: TakeRecorder, progress: Progress) -> None:
