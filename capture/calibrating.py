@@ -3,6 +3,7 @@
 import json
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -219,7 +220,8 @@ def calibrate_from_file(take: Path, database: str, height_m: float | None) -> Ca
 def calibrate_from_devices(
     config: SessionConfig, seconds: float, database: str, height_m: float | None
 ) -> CalibrationResult:
-    """The calibration of whoever wears the trackers now, told at the terminal. Raises DeviceError and SettingError.
+    """The calibration of whoever wears the trackers now, told at the terminal. Raises DeviceError, SettingError, and
+    KeyboardInterrupt where it was ended before its time.
 
     seconds: of free movement, over which the steps of `STEPS` are spread.
     """
@@ -228,8 +230,11 @@ def calibrate_from_devices(
     steps = [replace(s, seconds=s.seconds * stretch) if s.kind is StepKind.MOVE else s for s in STEPS]
     with tempfile.TemporaryDirectory() as folder:
         take = Path(folder) / "calibration.mcap"
+        planned_s, began_s = sum(step.seconds for step in steps), time.monotonic()
         with _told(steps):
-            keep_quietly(config, take, sum(step.seconds for step in steps))
+            keep_quietly(config, take, planned_s)
+        if time.monotonic() - began_s < planned_s:  # a recording may be cut short, a calibration is then none
+            raise KeyboardInterrupt
         return calibrate_from_file(take, database, height_m)
 
 

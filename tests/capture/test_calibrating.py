@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
+from capture import calibrating
 from capture.calibrating import STEPS, CalibrationRun, CalibrationScript, CalibrationTake, StepKind
+from capture.config import SessionConfig
 from devices.errors import SettingError
 from devices.frame import TrackerFrame
 from reconstruction.database import open_database
@@ -79,3 +81,9 @@ def test_calibrating_runs_beside_and_tells_what_went_wrong(database):
 def test_a_script_needs_steps():
     with pytest.raises(SettingError, match="one step"):
         CalibrationScript(())
+
+
+def test_ctrl_c_ends_a_calibration_without_a_result(monkeypatch):
+    monkeypatch.setattr(calibrating, "keep_quietly", lambda *_: None)
+    with pytest.raises(KeyboardInterrupt):
+        calibrating.calibrate_from_devices(SessionConfig(), 5.0, "library", None)
