@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
 from reconstruction.gathering import gather
+from reconstruction.limb_poses import LimbPoses
 from reconstruction.local_model import LocalModelSettings, local_prior
 from reconstruction.pose_statistics import PoseStatistics
 from reconstruction.prediction import Observation, Prediction, SolvedPose
@@ -61,6 +62,7 @@ class DefaultPredictor:
         self._windows = np.asarray(database.windows)
         self._clips = np.searchsorted(database.firsts, self._windows, side="right")
         self._all_poses = PoseStatistics.of_database(database, scale)
+        self._limbs = LimbPoses(database, scale, self._all_poses, local.limbs)
 
     def predict(self, past: Sequence[SolvedPose], seen: Observation) -> Prediction:
         """See `Predictor`."""
@@ -78,7 +80,12 @@ class DefaultPredictor:
         coverage = float(near[: max(1, len(near) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
         widening = min(max(1.0, coverage / s.trusted_until), self.WIDEST)
-        prior = local_prior(following, steps, weights, last.q, widening, self._all_poses, self._local)
+        doubt = self._local.doubt(widening)
+        limbs = self._limbs.statement(seen, *doubt) if any(doubt) else None
+        trackers = int(seen.measured.sum())
+        prior = local_prior(
+            following, steps, weights, last.q, widening, self._all_poses.covariance, limbs, trackers, self._local
+        )
         return Prediction(prior, rows, coverage)
 
     def _mean_squares(self, way: Sighting, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
