@@ -103,7 +103,7 @@ def local_prior(
     variance = settings.step_widening**2 * (weights @ (steps - step) ** 2) + (settings.step_floor * widening) ** 2
     both = precision.copy()
     both[np.arange(dof), np.arange(dof)] += 1 / variance
-    return GaussianPrior(_mean(both, information + (last + step) / variance), both, 1 / variance)
+    return GaussianPrior(_mean(both, information + (last + step) / variance), both, 1 / variance, last + step)
 
 
 def _mean(precision: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.float64]:

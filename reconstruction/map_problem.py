@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.likelihood import Effectors, energy_and_gradient, residuals
@@ -17,19 +18,23 @@ class GaussianPrior:
     """p(q_t | Q_{t,m}) = N(mean, precision^-1).
 
     mean: (D,); precision: (D, D), symmetric positive definite; from_last: (D,) what of its diagonal the last pose alone
-    gives, or None where that is not told apart.
+    gives, or None where that is not told apart; going_on: (D,) where the last pose alone leads to.
     """
 
     mean: NDArray[np.float64]
     precision: NDArray[np.float64]
     from_last: NDArray[np.float64] | None = None
+    going_on: NDArray[np.float64] | None = None
 
     @property
     def without_last(self) -> "GaussianPrior":
-        """As sure as it would be of a pose whose last one is not known (about the same mean)."""
-        if self.from_last is None:
+        """What it would be of a pose whose last one is not known."""
+        if self.from_last is None or self.going_on is None:
             return self
-        return GaussianPrior(self.mean, self.precision - np.diag(self.from_last))
+        precision = self.precision - np.diag(self.from_last)
+        factor, _ = dpotrf(precision, lower=1)
+        mean, _ = dpotrs(factor, self.precision @ self.mean - self.from_last * self.going_on, lower=1)
+        return GaussianPrior(mean, precision)
 
     def energy(self, q: NDArray[np.float64]) -> float:
         """E_prior, up to a constant."""

@@ -34,6 +34,7 @@ def test_with_history_it_is_the_product_of_two_gaussians():
     np.testing.assert_allclose(both.precision, pose.precision + precision, rtol=1e-9)
     np.testing.assert_allclose(both.mean, mean, atol=1e-9)
     np.testing.assert_allclose(both.without_last.precision, pose.precision, atol=1e-9 * precision.max())
+    np.testing.assert_allclose(both.without_last.mean, pose.mean, atol=1e-7)
 
 
 def test_far_neighbours_leave_the_pose_to_vary_as_all_poses_do():

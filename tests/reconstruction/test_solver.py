@@ -11,7 +11,7 @@ from reconstruction.kinematics import world_joints
 from reconstruction.rotations import exponential, multiply
 from reconstruction.session_memory import SessionMemory
 from reconstruction.skeleton import Skeleton
-from reconstruction.solver import Reconstruction, Reconstructor, SolverSettings, reconstruct
+from reconstruction.solver import Reconstruction, Reconstructor, SolverSettings, calibration, reconstruct
 from reconstruction.tracking import Footing
 from tests.reconstruction.conftest import strolling
 
@@ -121,13 +121,22 @@ def test_a_lost_wrist_goes_on_as_it_did_in_this_session(database, monkeypatch):
     assert with_memory < 0.7 * without
 
 
-def test_uncertainty_grows_while_a_tracker_is_lost_and_while_the_pose_is_held(database):
+def test_trackers_that_are_not_where_the_neighbours_expect_them_make_it_less_sure(database):
+    frames = frames_of(UNSEEN)[:60]
+    shift = np.random.default_rng(0).normal(0, 0.05, (6, 3))
+    shifted = [replace(f, positions=f.positions + shift) for f in frames]
+    usual, surprised = (reconstruct(f, database).sigma[20:] for f in (frames, shifted))
+    assert surprised.mean() > 2 * usual.mean()
+    assert calibration(0.1, 6) < calibration(0.2, 6) < calibration(0.2, 3)
+
+
+def test_uncertainty_is_greater_while_a_tracker_is_lost_and_grows_while_the_pose_is_held(database):
     arm = UNSEEN.skeleton.names.index("LeftForeArm")
     lost = reconstruct(frames_of(UNSEEN, gaps=[("left_wrist", 40, 100)]), database).sigma[:, arm]
     whole = reconstruct(frames_of(UNSEEN), database).sigma[:, arm]
     np.testing.assert_array_equal(lost[:40], whole[:40])
-    assert whole[43] < lost[43] < lost[55]
-    assert (lost[43:100] > whole[43:100]).all()
+    assert (lost[41:55] > whole[41:55]).all()
+    assert lost[41:100].mean() > 1.2 * whole[41:100].mean()
     held = reconstruct(frames_of(UNSEEN, gaps=[(role, 20, 100) for role in ROLES]), database).sigma
     assert (held[95] > held[60])[held[60] > 0].all()
 
