@@ -297,7 +297,7 @@ class Reconstructor:
         stages = explained.stage_ns | {"rest": ended - began - sum(explained.stage_ns.values())}
         self._last = Solution(
             shown,
-            frozen(self._sigma(frame)),
+            frozen(self._sigma(frame, measurement.position_sigma_m)),
             explained.prediction.coverage,
             frozen(footings(frame, False)),
             stages,
@@ -476,7 +476,7 @@ class Reconstructor:
         self._explain(rival, frame, measurement)
         return self._rivals.judged(rival, self.CLEARLY * self._belief.cost)
 
-    def _sigma(self, frame: TrackerFrame) -> NDArray[np.float64]:
+    def _sigma(self, frame: TrackerFrame, tracker_sigma_m: float) -> NDArray[np.float64]:
         """(J,) radians: the root of a joint's summed posterior variance over its three directions, calibrated.
 
         What the last pose says is left out of the posterior, since it is as wrong as this one: its errors last. Lost
@@ -488,8 +488,9 @@ class Reconstructor:
         root = self.map_solver.covariance_root(replace(self.problem, prior=expected, effectors=known), self.solved)
         variance = np.einsum("ij,ij->i", root, root)[3:].reshape(-1, 3).sum(axis=1)
         surprise = 2 * expected.energy(self.solved) / self.space.dof
+        factor = calibration(surprise, int(frame.measured.sum()), tracker_sigma_m)
         sigma = np.zeros(len(self.skeleton))
-        sigma[[0, *self.space.moving]] = calibration(surprise, int(frame.measured.sum())) * np.sqrt(variance)
+        sigma[[0, *self.space.moving]] = factor * np.sqrt(variance)
         return np.minimum(sigma, np.pi)
 
     def _warm_up(self) -> None:
@@ -502,14 +503,15 @@ class Reconstructor:
         self.reset()
 
 
-def calibration(surprise: float, trackers: int) -> float:
+def calibration(surprise: float, trackers: int, tracker_sigma_m: float) -> float:
     """What a posterior deviation is multiplied with to hold two thirds of the errors.
 
-    surprise: mean square distance of the solution from what the neighbours alone expect, in their standard deviations.
-    It says how wrong they are, as far as the trackers can tell: the fewer there are, the less they move the solution
-    for the same error. The factor was fitted on four sets of motion capture and checked on each with that one left out.
+    surprise: mean square distance of the solution from what the neighbours alone expect, in their standard deviations;
+    trackers: how many there are; tracker_sigma_m: metres, what each counts with. Surprise says how wrong the neighbours
+    are, as far as the trackers can tell: the fewer and the noisier they are, the less they move the solution for the
+    same error. Fitted on four sets of motion capture, and checked on each with that one left out.
     """
-    return 5.8 * (max(surprise, 1e-3) / max(trackers, 1) ** 2) ** (1 / 3)
+    return 5.6 * (max(surprise, 1e-3) / max(trackers, 1) ** 2) ** (1 / 3) * (1 + tracker_sigma_m / 0.06)
 
 
 METHODS = ("default", "paper")
