@@ -30,11 +30,11 @@ class NeighbourSettings:
     sharpness: how fast a neighbour's weight falls with its distance over the median distance, above 0.
     """
 
-    count: int = 96
+    count: int = 128
     candidates: int = 384
     apart: int = 2
-    way_weight: float = 1.0
-    sharpness: float = 6.0
+    way_weight: float = 1.5
+    sharpness: float = 10.0
     trusted_until: float = 2.0
 
 

@@ -33,7 +33,7 @@ class LimbSettings:
     widening: times their own spread, above 0.
     """
 
-    count: int = 48
+    count: int = 64
     sharpness: float = 3.0
     floor: float = 0.1
     widening: float = 1.5

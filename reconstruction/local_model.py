@@ -43,15 +43,15 @@ class LocalModelSettings:
     """
 
     pose_floor: float = 0.02
-    step_floor: float = 0.015
-    pose_widening: float = 1.5
-    step_widening: float = 4.0
+    step_floor: float = 0.022
+    pose_widening: float = 1.35
+    step_widening: float = 5.0
     background: float = 0.2
-    doubt_from: float = 2.0
-    doubt_full: float = 4.0
-    later: float = 1.0
-    trust: float = 1.0
-    few_trust: float = 0.0
+    doubt_from: float = 1.0
+    doubt_full: float = 3.0
+    later: float = 0.75
+    trust: float = 0.75
+    few_trust: float = 0.45
     limbs: LimbSettings = field(default_factory=LimbSettings)
 
     def doubt(self, widening: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from reconstruction.belief import Belief
 from reconstruction.kinematics import world_joints
 from reconstruction.relocalisation import Finding, TrackerHistory
 from reconstruction.rivals import Rivals
+from reconstruction.rotations import wrapped
 from reconstruction.solver import Reconstructor, SolverSettings
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
 from tests.reconstruction.conftest import strolling
@@ -84,13 +85,23 @@ def test_a_body_taken_for_facing_backwards_is_turned_round_with_all_trackers_on(
     assert errors[True][-1] <= errors[False][-1]
 
 
-def test_a_take_whose_best_match_faces_backwards_starts_with_another(database, monkeypatch):
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_take_that_is_lost_from_its_start_begins_with_the_facing_that_costs_least(database, monkeypatch, lost):
     solver = Reconstructor(database)
     best = solver._matcher.best_of_all
+    true = solver.space.heading(UNSEEN.root_positions[:1], UNSEEN.rotations[:1, 0])[0, 2]
+
+    def trial(found: Matches, _: list[TrackerFrame]) -> tuple[Belief, float]:
+        belief = Belief()
+        belief.add(None, float(np.abs(wrapped(found.heading[2] - true))))  # type: ignore[arg-type]
+        return belief, np.inf
+
     monkeypatch.setattr(solver._matcher, "best_of_all", lambda sighting: turned_round(best(sighting)))
-    monkeypatch.setattr(solver, "_lost", lambda belief, coverage: True)
+    monkeypatch.setattr(solver, "_lost", lambda belief, coverage: lost)
+    monkeypatch.setattr(solver, "_trial", trial)
     solver.start(frames()[:31])
-    assert off_m(solver, 0) < 0.05
+    off = np.abs(wrapped(solver._belief.past[-1].heading[2] - true))
+    assert off < 0.3 if lost else off > 2
 
 
 def turned_round(found: Matches) -> Matches:
