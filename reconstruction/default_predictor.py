@@ -12,6 +12,7 @@ from reconstruction.limb_poses import LimbPoses
 from reconstruction.local_model import LocalModelSettings, local_prior
 from reconstruction.pose_statistics import PoseStatistics
 from reconstruction.prediction import Observation, Prediction, SolvedPose
+from reconstruction.thinning import thinned
 from reconstruction.tracker_matching import Sighting, TrackerMatcher
 from reconstruction.window_features import seen_from
 
@@ -46,8 +47,6 @@ class DefaultPredictor:
     vary together; and it trusts the neighbours less the farther they are.
     """
 
-    FEW = 4
-    """Up to so many trackers count by their way too."""
     WIDEST = 10.0
     """Most that the prior widens: beyond, the database has nothing to say."""
 
@@ -69,12 +68,13 @@ class DefaultPredictor:
         s, last = self._neighbours, past[-1]
         numbers, near = self._database.index.nearest(self._feature(past, seen.trackers), s.candidates)
         distances = near
-        if seen.way is not None and seen.measured.sum() <= self.FEW:
+        if seen.way is not None:
             distances = np.sqrt(near**2 + s.way_weight * self._mean_squares(seen.way, numbers))
             order = np.argsort(distances, kind="stable")
             numbers, near, distances = numbers[order], near[order], distances[order]
-        keep = thinned(self._windows[numbers], self._clips[numbers], s.apart, s.count)
-        rows, near, distances = self._windows[numbers[keep]].astype(np.int64), np.sort(near[keep]), distances[keep]
+        rows = self._windows[numbers].astype(np.int64)
+        keep = thinned(rows, self._clips[numbers], s.apart, s.count)
+        rows, near, distances = rows[keep], np.sort(near[keep]), distances[keep]
         following = self._at_scale(rows, 0)
         steps = following - self._at_scale(rows, 1)
         coverage = float(near[: max(1, len(near) // 8)].mean() / self._database.spacing)
@@ -114,17 +114,3 @@ def gaussian_weights(distances: NDArray[np.floating], sharpness: float) -> NDArr
     width = max(float(np.median(distances)), 1e-6)
     weights = np.exp(-0.5 * sharpness * (distances.astype(np.float64) / width) ** 2)
     return weights / weights.sum()
-
-
-def thinned(rows: NDArray[np.int32], clips: NDArray[np.int64], apart: int, count: int) -> NDArray[np.int64]:
-    """Places of at most `count` rows, in order, none nearer than `apart` frames to a better one of its clip."""
-    kept: list[int] = []
-    taken: set[tuple[int, int]] = set()
-    for number, (row, clip) in enumerate(zip(rows.tolist(), clips.tolist(), strict=True)):
-        if any((clip, row + shift) in taken for shift in range(1 - apart, apart)):
-            continue
-        taken.add((clip, row))
-        kept.append(number)
-        if len(kept) == count:
-            break
-    return np.array(kept, np.int64)

@@ -49,15 +49,22 @@ class Statement:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One part of the body. coordinates: its own of q; roles: (R,) whose trackers tell how it is held;
-    arms: (2, A) pairs of roles whose distances are compared; shapes: (n, 3 A) metres, those of the sample;
-    lengths: (n,) their squares."""
+    """One part of the body, in a sample of n poses.
+
+    coordinates: (A,) its own of q; block: where they meet in (D, D);
+    roles: (R,) whose trackers tell how it is held; arms: (2, P) pairs of roles, the first seen from the second;
+    shapes: (n, 3 P) metres along those arms; lengths: (n,) their squares; angles: (n, A) radians;
+    anyhow: the precision (A, A), and that times the mean (A,), of all poses.
+    """
 
     coordinates: NDArray[np.int64]
+    block: tuple[NDArray[np.int64], ...]
     roles: NDArray[np.int64]
     arms: NDArray[np.int64]
     shapes: NDArray[np.float64]
     lengths: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    anyhow: tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class LimbPoses:
@@ -68,55 +75,63 @@ class LimbPoses:
 
     def __init__(self, database: MotionDatabase, scale: float, all_poses: PoseStatistics, settings: LimbSettings):
         """scale: the performer's size over the database's; all_poses: of the database."""
-        self._settings, self._all_poses = settings, all_poses
+        self._settings, self._dof = settings, database.space.dof
         rows = np.asarray(database.windows[:: max(1, len(database.windows) // self.SAMPLE)], np.int64)
         headings = np.asarray(database.headings)
-        self._poses = gather(rows, 0, np.asarray(database.poses), headings)
+        poses = gather(rows, 0, np.asarray(database.poses), headings)
         frames = headings[rows - 1].astype(np.float64)
         tracks = scale * seen_from(np.asarray(database.tracks)[rows].astype(np.float64), 0 * frames, frames)
-        self._parts = tuple(_part(*part, tracks) for part in parts(database.space.skeleton, database.space.moving))
+        self._parts = tuple(
+            _part(*part, tracks, poses, all_poses) for part in parts(database.space.skeleton, database.space.moving)
+        )
 
     def statement(self, seen: Observation, measured: float, missing: float) -> Statement:
         """What the nearest limbs say of this pose; the root's position is left free.
 
         measured, missing: 0 to 1, how much parts count whose trackers are there, and those whose are not.
         """
-        dof = self._poses.shape[1]
-        precision, information = np.zeros((dof, dof)), np.zeros(dof)
+        precision, information = np.zeros((self._dof, self._dof)), np.zeros(self._dof)
         for part in self._parts:
             here = seen.measured[part.roles].all()
-            mean, covariance = self._nearest(part, seen.trackers) if here else self._any(part)
-            own = np.ix_(part.coordinates, part.coordinates)
-            precision[own] = (measured if here else missing) * np.linalg.inv(covariance)
-            information[part.coordinates] = precision[own] @ mean
+            weight = measured if here else missing
+            own, pull = self._nearest(part, seen.trackers) if here else part.anyhow
+            precision[part.block] = weight * own
+            information[part.coordinates] = weight * pull
         return Statement(precision, information)
 
     def _nearest(self, part: _Part, trackers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean (A,) and covariance (A, A) of a part's angles where it reaches as the trackers (6, 3) do."""
+        """Precision (A, A), and that times the mean (A,), of a part that reaches as the trackers (6, 3) do."""
         s = self._settings
         wanted = (trackers[part.arms[0]] - trackers[part.arms[1]]).ravel()
-        squares = np.maximum(part.lengths - 2 * part.shapes @ wanted + wanted @ wanted, 0.0)
-        near = np.argpartition(squares, s.count)[: s.count] if s.count < len(squares) else np.arange(len(squares))
-        weights = np.exp(-0.5 * s.sharpness * squares[near] / max(float(np.median(squares[near])), 1e-12))
+        squares = part.lengths - part.shapes @ (2 * wanted) + wanted @ wanted
+        count = min(s.count, len(squares))
+        near = np.argpartition(squares, (count // 2, count - 1))[:count]
+        typical = max(squares[near[count // 2]], 1e-12)
+        weights = np.exp(-0.5 * s.sharpness * squares[near] / typical)
         weights /= weights.sum()
-        angles = self._poses[near][:, part.coordinates]
+        angles = part.angles[near]
         mean = weights @ angles
         spread = (angles - mean) * (s.widening * np.sqrt(weights))[:, None]
-        return mean, spread.T @ spread + s.floor**2 * np.eye(len(mean))
-
-    def _any(self, part: _Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same of all poses."""
-        own = np.ix_(part.coordinates, part.coordinates)
-        floor = PoseStatistics.FLOOR**2 * np.eye(len(part.coordinates))
-        return self._all_poses.mean[part.coordinates], self._all_poses.covariance[own] + floor
+        precision = np.linalg.inv(spread.T @ spread + s.floor**2 * np.eye(len(mean)))
+        return precision, precision @ mean
 
 
 def _part(
-    coordinates: NDArray[np.int64], roles: NDArray[np.int64], arms: NDArray[np.int64], tracks: NDArray[np.float64]
+    coordinates: NDArray[np.int64],
+    roles: NDArray[np.int64],
+    arms: NDArray[np.int64],
+    tracks: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    all_poses: PoseStatistics,
 ) -> _Part:
-    """With the shapes of a sample's tracked joints (n, 6, 3) metres."""
+    """With a sample's tracked joints (n, 6, 3) metres and poses (n, D)."""
     shapes = (tracks[:, arms[0]] - tracks[:, arms[1]]).reshape(len(tracks), -1)
-    return _Part(coordinates, roles, arms, shapes, np.sum(shapes**2, axis=1))
+    block = np.ix_(coordinates, coordinates)
+    floor = PoseStatistics.FLOOR**2 * np.eye(len(coordinates))
+    precision = np.asarray(np.linalg.inv(all_poses.covariance[block] + floor), np.float64)
+    anyhow = precision, precision @ all_poses.mean[coordinates]
+    angles = np.ascontiguousarray(poses[:, coordinates])
+    return _Part(coordinates, block, roles, arms, shapes, np.sum(shapes**2, axis=1), angles, anyhow)
 
 
 def parts(
@@ -125,7 +140,7 @@ def parts(
     """Coordinates, roles and arms (see `_Part`) of each part that the tracked joints part a skeleton into.
 
     A joint belongs to the roles in its subtree, or to its parent's where there are none; the root's turn is the
-    trunk's. The trunk is told by the head and the ankles seen from the root; a hand by the head too.
+    trunk's. A part is told by where its roles are, seen from the root; a hand seen from the head too.
     """
     below = _roles_below(skeleton)
     own: dict[frozenset[int], list[int]] = {below[0]: [3, 5]}

@@ -41,8 +41,8 @@ class Observation:
 
     trackers: (6, 3) metres, tracked joints; those whose tracker is missing stand where they would go on to.
     measured: (6,) which of them were.
-    way: where trackers were up to half a second before the last pose, in the database's scale; None where too little
-        of it is known.
+    way: where few trackers were up to half a second before the last pose, in the database's scale; None where there
+        are many, or too little of it is known.
     """
 
     trackers: NDArray[np.float64]

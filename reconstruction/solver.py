@@ -311,7 +311,7 @@ class Reconstructor:
         began = perf_counter_ns()
         heading = belief.past[-1].heading
         filled = self._filled(belief, measurement.positions)
-        seen = Observation(filled, frame.measured, self._way(heading))
+        seen = Observation(filled, frame.measured, None if self._many(frame) else self._way(heading))
         prediction = self._predictor.predict(belief.past, seen)
         predicted = perf_counter_ns()
         moment = self._moment(belief, filled)

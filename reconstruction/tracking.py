@@ -145,7 +145,10 @@ class NoiseMeter:
 
     def __init__(self) -> None:
         self._positions: deque[NDArray[np.float64]] = deque(maxlen=4)
-        self._jerks: deque[NDArray[np.float64]] = deque(maxlen=self.FRAMES)
+        self._jerks = np.full((self.FRAMES, len(ROLES)), np.nan)
+        self._added = 0
+        self.sigma_m = 0.0
+        """Metres, standard deviation of a position on one axis; 0 before a quarter of a second has been seen."""
 
     def add(self, frame: TrackerFrame) -> None:
         """Takes in one frame."""
@@ -153,16 +156,13 @@ class NoiseMeter:
         self._positions.append(measured)
         if len(self._positions) == 4:
             a, b, c, d = self._positions
-            self._jerks.append(np.linalg.norm(d - 3 * c + 3 * b - a, axis=1))
+            self._jerks[self._added % self.FRAMES] = np.linalg.norm(d - 3 * c + 3 * b - a, axis=1)
+            self._added += 1
+            self.sigma_m = self._estimate()
 
-    @property
-    def sigma_m(self) -> float:
-        """Metres, standard deviation of a position on one axis; 0 before a quarter of a second has been seen."""
-        if len(self._jerks) < self.FRAMES // 4:
-            return 0.0
-        jerks = np.concatenate(self._jerks)
-        jerks = jerks[np.isfinite(jerks)]
-        if not len(jerks):
+    def _estimate(self) -> float:
+        jerks = self._jerks[np.isfinite(self._jerks)]
+        if self._added < self.FRAMES // 4 or not len(jerks):
             return 0.0
         return float(np.partition(jerks, len(jerks) // 4)[len(jerks) // 4] / self._QUARTILE)
 

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.database import MotionDatabase
-from reconstruction.default_predictor import NeighbourSettings, gaussian_weights, thinned
+from reconstruction.default_predictor import NeighbourSettings, gaussian_weights
 from reconstruction.gathering import gather, see_from
 from reconstruction.prediction import SolvedPose
+from reconstruction.thinning import thinned
 from reconstruction.window_features import SPAN, seen_from
 
 
@@ -45,8 +46,9 @@ class NeighbourhoodFinder:
         points = (last.joints[None] / self._scale, earlier / self._scale, trackers[None] / self._scale)
         feature = self._database.features.features(last.q[None, 3:], *points)[0]
         numbers, distances = self._database.index.nearest(feature, s.candidates)
-        keep = thinned(self._windows[numbers], self._clips[numbers], s.apart, s.count)
-        rows, distances = self._windows[numbers[keep]].astype(np.int64), distances[keep]
+        rows = self._windows[numbers].astype(np.int64)
+        keep = thinned(rows, self._clips[numbers], s.apart, s.count)
+        rows, distances = rows[keep], distances[keep]
         seen = [self._at_scale(rows, back) for back in range(SPAN + 1)]
         coverage = float(distances[: max(1, len(distances) // 8)].mean() / self._database.spacing)
         weights = gaussian_weights(distances, s.sharpness)
