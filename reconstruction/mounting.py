@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from devices.frame import frozen
 from devices.sample import ROLES
-from reconstruction.rotations import inverse, multiply, rotate
+from reconstruction.rotations import inverse, multiply
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,6 @@ class Mounting:
         """`R_world_joint` (6, 4) of tracker orientations (6, 4); NaN where there is none."""
         return multiply(orientations, inverse(self.rotations))
 
-    def arms(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The ways (6, 3) metres from joints to trackers for joints turned by `rotations` (6, 4)."""
-        return rotate(rotations, self.offsets)
+    def arms(self, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The ways (6, 3) metres from joints to trackers for joints turned by `turns` (6, 3, 3)."""
+        return np.einsum("rij,rj->ri", turns, self.offsets)

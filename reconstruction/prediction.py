@@ -16,13 +16,13 @@ from reconstruction.tracker_matching import Sighting
 class SolvedPose:
     """q: (D,) seen from its own heading frame; heading: (3,) that frame; joints: (J, 3) metres, seen from it;
     arms: (6, 3) metres, from the tracked joints to where their trackers sit, seen from it;
-    role_rotations: (6, 4) of the tracked joints, world."""
+    role_turns: (6, 3, 3) rotations of the tracked joints, seen from it."""
 
     q: NDArray[np.float64]
     heading: NDArray[np.float64]
     joints: NDArray[np.float64]
     arms: NDArray[np.float64]
-    role_rotations: NDArray[np.float64]
+    role_turns: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

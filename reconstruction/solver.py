@@ -17,6 +17,7 @@ from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
 from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
 from reconstruction.effectors import Measurement, and_lost, and_recalled, effectors
+from reconstruction.gathering import see_from
 from reconstruction.likelihood import Effectors
 from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
@@ -321,7 +322,7 @@ class Reconstructor:
         found = self.map_solver.solve(problem, prediction.prior.mean)
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
-        own = self._solved_pose(pose)
+        own = self._solved_pose(pose, found.q, heading)
         belief.add(own, found.energy + self._all_poses.implausibility(own.q))
         stages = {"prior": predicted - began, "map": solved - predicted}
         return _Explained(pose, prediction, problem, found, heading, measured, moment, stages)
@@ -409,20 +410,23 @@ class Reconstructor:
         """Those (6, 4) that count, NaN for the others; None where none was measured or none shall count."""
         if not self.settings.orientations or not np.isfinite(frame.orientations).any():
             return None
-        joints = self._belief.past[-1].role_rotations
+        last = self._belief.past[-1]
+        turns = Rotation.from_matrix(last.role_turns).as_quat()
+        joints = multiply(np.tile(about_up(last.heading[2]), (len(ROLES), 1)), turns)
         off = multiply(inverse(joints), self.mounting.joint_rotations(frame.orientations))
         return self._gate.passed(frame.orientations, np.linalg.norm(logarithm(off), axis=-1))
 
-    def _solved_pose(self, pose: Pose) -> SolvedPose:
-        heading = self.space.heading(pose.root_position, pose.rotations[0])
-        q = self.space.coordinates(pose.root_position[None], pose.rotations[None], heading)[0]
-        return self._placed(q, heading)
+    def _solved_pose(self, pose: Pose, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
+        """A pose, also given as q (D,) seen from `heading` (3,), as its own heading frame sees it."""
+        own = self.space.heading(pose.root_position, pose.rotations[0])
+        q = q.copy()
+        see_from(q, heading, own)
+        return self._placed(q, own)
 
     def _placed(self, q: NDArray[np.float64], heading: NDArray[np.float64]) -> SolvedPose:
         place(self._body, q, self._state)
-        turned = Rotation.from_matrix(self._state.world[self.role_joints]).as_quat()
-        in_world = multiply(np.tile(about_up(heading[2]), (len(ROLES), 1)), turned)
-        return SolvedPose(q, heading, self._state.position.copy(), self.mounting.arms(turned), in_world)
+        turns = self._state.world[self.role_joints]
+        return SolvedPose(q, heading, self._state.position.copy(), self.mounting.arms(turns), turns)
 
     def _belief_in(self, matches: Matches, last: int) -> Belief:
         """Poses around the best matching row as the past, up to the one `last` frames after it."""

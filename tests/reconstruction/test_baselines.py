@@ -31,7 +31,7 @@ def moment(database: MotionDatabase, row: int) -> tuple[list[SolvedPose], np.nda
     poses, headings = np.asarray(database.poses), np.asarray(database.headings, float)
     rows = np.arange(row - SPAN, row)
     joints = joint_positions(body, poses[rows].astype(float))
-    none, unturned = np.zeros((6, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (6, 1))
+    none, unturned = np.zeros((6, 3)), np.tile(np.eye(3), (6, 1, 1))
     past = [
         SolvedPose(poses[r].astype(float), headings[r], j, none, unturned) for r, j in zip(rows, joints, strict=True)
     ]
