@@ -20,7 +20,8 @@ from reconstruction.database import Clip, MotionDatabase, open_database
 from reconstruction.kinematics import world_joints
 from reconstruction.likelihood import energy_and_gradient, jacobian, residuals
 from reconstruction.map_problem import MapProblem
-from reconstruction.solver import Reconstructor, Solution
+from reconstruction.solution import Solution
+from reconstruction.solver import Reconstructor
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from capture.viewing import Layers
 from devices.errors import SixpointError
 from devices.frame import TrackerFrame
 from reconstruction.database import MotionDatabase
-from reconstruction.solver import Reconstruction, Reconstructor
+from reconstruction.solution import Reconstruction
+from reconstruction.solver import Reconstructor
 from replay_logs.atomic_file import check_folder_place
 from replay_logs.frames import load_frames
 

@@ -30,7 +30,8 @@ from devices.reconnecting import ReconnectingDevice
 from devices.registry import make_device
 from devices.room import RoomTransform
 from reconstruction.motion_files import read_motion
-from reconstruction.solver import Reconstructor, SolverSettings
+from reconstruction.solver import Reconstructor
+from reconstruction.solver_settings import SolverSettings
 from replay_logs.recorder import TakeRecorder
 from replay_logs.take import RecordedDevice
 

@@ -16,7 +16,8 @@ from devices.frame import TrackerFrame, frozen
 from devices.sample import ROLES
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Pose
-from reconstruction.solver import Reconstructor, Solution
+from reconstruction.solution import Solution
+from reconstruction.solver import Reconstructor
 
 _WARM_UP_FRAMES = 4
 BOW_S = 0.8

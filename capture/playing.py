@@ -24,7 +24,7 @@ from deformation.live_deformer import LiveDeformer
 from devices.frame import TrackerFrame
 from reconstruction.kinematics import world_transforms
 from reconstruction.motion import Motion
-from reconstruction.solver import Reconstruction
+from reconstruction.solution import Reconstruction
 
 _SWING_S = 2.0
 """So long after a change the flesh goes on moving, though the recording stands still."""

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from capture.config import CharacterConfig, SessionConfig
 from devices.errors import SettingError, choice_error
 from devices.intake_settings import INTAKE_SETTINGS
-from reconstruction.solver import METHODS, SolverSettings
+from reconstruction.solver_settings import METHODS, SolverSettings
 from replay_logs.take import Take, read_take
 
 _SESSION_KEYS = (

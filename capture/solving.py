@@ -19,7 +19,8 @@ from reconstruction.database import MotionDatabase
 from reconstruction.motion import Motion
 from reconstruction.mounting import Mounting
 from reconstruction.skeleton import Skeleton
-from reconstruction.solver import Reconstruction, Reconstructor
+from reconstruction.solution import Reconstruction
+from reconstruction.solver import Reconstructor
 from reconstruction.stature import scaled_to_stature
 from replay_logs.frames import load_frames, take_frames
 from replay_logs.retuning import retuned

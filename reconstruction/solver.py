@@ -1,7 +1,7 @@
 """From tracker frames to poses, one frame at a time: retrieve, build the problem, solve it, remember."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter_ns
 
 import numpy as np
@@ -15,14 +15,13 @@ from devices.sample import ROLES
 from reconstruction.belief import Belief
 from reconstruction.body_kinematics import Body, BodyState, place
 from reconstruction.database import MotionDatabase
-from reconstruction.default_predictor import DefaultPredictor, NeighbourSettings
+from reconstruction.default_predictor import DefaultPredictor
 from reconstruction.effectors import Measurement, and_lost, and_recalled, effectors
 from reconstruction.gathering import see_from
 from reconstruction.likelihood import Effectors
-from reconstruction.local_model import LocalModelSettings
 from reconstruction.map_problem import MapProblem
 from reconstruction.map_solver import MapSolution, MapSolver
-from reconstruction.motion import Motion, Pose
+from reconstruction.motion import Pose
 from reconstruction.motion_operations import leg_length
 from reconstruction.mounting import Mounting
 from reconstruction.paper_predictor import PaperPredictor
@@ -34,6 +33,8 @@ from reconstruction.rivals import Rivals
 from reconstruction.rotations import about_up, inverse, logarithm, multiply
 from reconstruction.session_memory import SessionMemory
 from reconstruction.skeleton import Skeleton
+from reconstruction.solution import Reconstruction, Solution
+from reconstruction.solver_settings import METHODS, SolverSettings
 from reconstruction.tracker_filter import TrackerFilter
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
 from reconstruction.tracking import Footing, NoiseMeter, OrientationGate, PoseEasing, TrackerReturn, footings
@@ -41,91 +42,6 @@ from reconstruction.window_features import SPAN, seen_from
 
 _WORLD = np.zeros(3)
 """The heading frame that stands at the world's origin."""
-_NONE = frozen(np.empty(0, np.int64))
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """How a frame is solved.
-
-    method: "default", or "paper" for the reconstruction paper to the letter (`paper_predictor`).
-    tracker_sigma_m: metres, least standard deviation of a measured position, above 0.
-    noise_gain: the measured noise of the trackers counts this many times as their standard deviation, 0 or more.
-    hold_after_s: seconds without any tracker after which the pose is held.
-    relocalise: whether to look for the way back (`relocalisation`).
-    orientations: whether orientations of trackers are used where there are any.
-    orientation_sigma: radians, standard deviation of a measured orientation, above 0.
-    neighbours: how they are chosen, in the default method.
-    local: how they become a Gaussian, in the default method.
-    """
-
-    method: str = "default"
-    tracker_sigma_m: float = 0.002
-    noise_gain: float = 5.0
-    orientations: bool = True
-    orientation_sigma: float = 0.03
-    hold_after_s: float = 0.5
-    relocalise: bool = True
-    neighbours: NeighbourSettings = field(default_factory=NeighbourSettings)
-    local: LocalModelSettings = field(default_factory=LocalModelSettings)
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """One solved frame.
-
-    sigma: (J,) radians, standard deviation of each joint's rotation, calibrated: it grows with the distance to the
-        database and with the time since trackers were measured; 0 for joints that never turn.
-    coverage: distance to the neighbours over the database's own spacing: about 1 inside the data, more outside.
-    states: (6,) int8 of `Footing`: what each role's place stands on.
-    stage_ns: nanoseconds by stage.
-    neighbours: (K,) database rows that the prior came of, none while the pose is held; the row before each stands in
-        the heading frame `heading` (3,), the last pose's.
-    """
-
-    pose: Pose
-    sigma: NDArray[np.float64]
-    coverage: float
-    states: NDArray[np.int8]
-    stage_ns: dict[str, int]
-    neighbours: NDArray[np.int64] = field(default_factory=lambda: _NONE)
-    heading: NDArray[np.float64] = field(default_factory=lambda: _WORLD)
-
-
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
-    """A whole take, solved. motion: one pose a frame; sigma: (T, J) radians; coverage: (T,); states: (T, 6) of
-    `Footing`; milliseconds: (T,) a frame; neighbours, headings: T arrays (K,) and (T, 3), as in `Solution`."""
-
-    motion: Motion
-    sigma: NDArray[np.float64]
-    coverage: NDArray[np.float64]
-    states: NDArray[np.int8]
-    milliseconds: NDArray[np.float64]
-    neighbours: tuple[NDArray[np.int32], ...] = ()
-    headings: NDArray[np.float64] = field(default_factory=lambda: _WORLD[None])
-
-    @classmethod
-    def of(
-        cls, solutions: Sequence[Solution], skeleton: Skeleton, fps: float, name: str = "reconstruction"
-    ) -> "Reconstruction":
-        """Solutions of frames that followed each other."""
-        motion = Motion(
-            skeleton,
-            frozen(np.array([s.pose.root_position for s in solutions])),
-            frozen(np.array([s.pose.rotations for s in solutions])),
-            fps,
-            name,
-        )
-        return cls(
-            motion,
-            frozen(np.array([s.sigma for s in solutions])),
-            frozen(np.array([s.coverage for s in solutions])),
-            frozen(np.array([s.states for s in solutions])),
-            frozen(np.array([sum(s.stage_ns.values()) / 1e6 for s in solutions])),
-            tuple(s.neighbours.astype(np.int32) for s in solutions),
-            frozen(np.array([s.heading for s in solutions])),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -516,9 +432,6 @@ def calibration(surprise: float, trackers: int, tracker_sigma_m: float) -> float
     same error. Fitted on four sets of motion capture, and checked on each with that one left out.
     """
     return 5.6 * (max(surprise, 1e-3) / max(trackers, 1) ** 2) ** (1 / 3) * (1 + tracker_sigma_m / 0.06)
-
-
-METHODS = ("default", "paper")
 
 
 def _predictor(database: MotionDatabase, scale: float, settings: SolverSettings) -> Predictor:

@@ -31,7 +31,8 @@ from reconstruction.local_model import LocalModelSettings
 from reconstruction.local_regression import history_weights
 from reconstruction.motion import Pose
 from reconstruction.prediction import Observation, Prediction, SolvedPose
-from reconstruction.solver import Reconstructor, Solution
+from reconstruction.solution import Solution
+from reconstruction.solver import Reconstructor
 from reconstruction.tracking import Footing
 from reconstruction.window_features import SPAN, seen_from
 from replay_logs.frames import load_frames

@@ -36,7 +36,8 @@ from reconstruction.database import MotionDatabase
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Motion
 from reconstruction.motion_library import demo_motion
-from reconstruction.solver import Reconstructor, SolverSettings
+from reconstruction.solver import Reconstructor
+from reconstruction.solver_settings import SolverSettings
 from replay_logs.frames import load_frames
 
 HERE = Path(__file__).parent

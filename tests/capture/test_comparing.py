@@ -14,7 +14,7 @@ from capture.export import read_npz
 from capture.solving import SolvedTake
 from devices.frame import frozen
 from reconstruction.motion import Motion
-from reconstruction.solver import Reconstruction
+from reconstruction.solution import Reconstruction
 from reconstruction.standard_body import standard_skeleton
 from tests.capture.conftest import entries
 

@@ -8,7 +8,8 @@ from reconstruction.effectors import Measurement, and_lost, effectors
 from reconstruction.kinematics import world_joints
 from reconstruction.likelihood import residuals
 from reconstruction.mounting import Mounting
-from reconstruction.solver import SolverSettings, reconstruct
+from reconstruction.solver import reconstruct
+from reconstruction.solver_settings import SolverSettings
 from tests.reconstruction.conftest import strolling
 from tests.reconstruction.test_likelihood import MOTION, SPACE, placed
 from tests.reconstruction.test_solver import UNSEEN, errors_cm

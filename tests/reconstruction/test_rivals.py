@@ -8,7 +8,8 @@ from reconstruction.kinematics import world_joints
 from reconstruction.relocalisation import Finding, TrackerHistory
 from reconstruction.rivals import Rivals
 from reconstruction.rotations import wrapped
-from reconstruction.solver import Reconstructor, SolverSettings
+from reconstruction.solver import Reconstructor
+from reconstruction.solver_settings import SolverSettings
 from reconstruction.tracker_matching import Matches, Sighting, TrackerMatcher
 from tests.reconstruction.conftest import strolling
 

@@ -11,7 +11,9 @@ from reconstruction.kinematics import world_joints
 from reconstruction.rotations import exponential, multiply
 from reconstruction.session_memory import SessionMemory
 from reconstruction.skeleton import Skeleton
-from reconstruction.solver import Reconstruction, Reconstructor, SolverSettings, calibration, reconstruct
+from reconstruction.solution import Reconstruction
+from reconstruction.solver import Reconstructor, calibration, reconstruct
+from reconstruction.solver_settings import SolverSettings
 from reconstruction.tracking import Footing
 from tests.reconstruction.conftest import strolling
 
