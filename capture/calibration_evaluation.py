@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.accuracy import Accuracy, accuracy
-from capture.evaluation import FPS, Clip, StageProgress, find_clips, split_by_action
+from capture.evaluation import FPS, Clip, StageProgress, find_clips, kept_database, split_by_action
 from deformation.bind_pose import bind_pose
 from devices.errors import FileError
 from devices.frame import TrackerFrame, TrackerState, frozen
-from devices.progress import Progress, no_progress
+from devices.progress import no_progress
 from devices.sample import ROLES
 from reconstruction.calibration import SEGMENTS, CalibrationResult, calibrate, scaled
-from reconstruction.database import MotionDatabase, build_database, open_database
+from reconstruction.database import MotionDatabase
 from reconstruction.kinematics import world_joints
 from reconstruction.motion import Motion
 from reconstruction.motion_files import read_motion
@@ -119,7 +119,7 @@ def evaluate_calibration(
     """
     stage = stage or (lambda name: no_progress)
     split = split_by_action(find_clips(data))
-    database = _database(folder, split.training, stage("database"))
+    database = kept_database(folder / "without-held-out", split.training, False, stage("database"))
     learning, test = _parted(split.held_out)
     scores, progress = [], stage("calibrating")
     for number, body in enumerate(grid):
@@ -159,16 +159,6 @@ def table_of(scores: Sequence[CalibrationScore]) -> str:
         )
     ratios = [s.ratio for s in scores]
     return "\n".join([*lines, "", f"ratio: mean {np.mean(ratios):.2f}, worst {max(ratios):.2f}"])
-
-
-def _database(folder: Path, clips: Sequence[Clip], progress: Progress) -> MotionDatabase:
-    """The database of these clips, kept in the folder under a name that belongs to them."""
-    mark = zlib.crc32("\n".join(str(clip.path.resolve()) for clip in clips).encode())
-    path = folder / f"without-held-out-{mark:08x}"
-    if path.is_dir():
-        return open_database(path)
-    folder.mkdir(parents=True, exist_ok=True)
-    return build_database((read_motion(c.path) for c in clips), path, FPS, progress=progress, count=len(clips))
 
 
 def _parted(held_out: Sequence[Clip]) -> tuple[list[Motion], list[Motion]]:

@@ -17,6 +17,7 @@ from capture.commands.deform import deform
 from capture.commands.demo import demo
 from capture.commands.devices import align, devices, doctor, simulate
 from capture.commands.evaluate_calibration import calibration
+from capture.commands.evaluate_dropouts import dropouts
 from capture.commands.live import live, record
 from capture.commands.reconstruct import reconstruct
 from capture.commands.replay import replay
@@ -90,6 +91,7 @@ _group(
         ("actions", evaluate.actions),
         ("transitions", transition.evaluate_transitions),
         ("calibration", calibration),
+        ("dropouts", dropouts),
     ],
 )
 _group(

@@ -74,8 +74,8 @@ def run_experiment(
     _refuse_unknown(plan.methods)
     split = split_by_action(find_clips(data, plan.action_pattern))
     databases = {
-        "large": _database(folder / "large", split.training, plan.mirror, stage("large database")),
-        "small": _database(folder / "small", split.training[::SMALL_SHARE], False, stage("small database")),
+        "large": kept_database(folder / "large", split.training, plan.mirror, stage("large database")),
+        "small": kept_database(folder / "small", split.training[::SMALL_SHARE], False, stage("small database")),
     }
     clips = evenly_chosen(split.held_out, plan.clips)
     runs = [Run(method, n, name, databases[name].path, clips, plan.seconds) for name, n, method in plan.runs()]
@@ -102,7 +102,7 @@ def run_without_actions(
     for action in actions or by_action(clips):
         split = split_off(clips, action)
         name = f"without {action}"
-        path = _database(folder / name.replace(" ", "-"), split.training, plan.mirror, stage(name)).path
+        path = kept_database(folder / name.replace(" ", "-"), split.training, plan.mirror, stage(name)).path
         held_out = evenly_chosen(split.held_out, plan.clips)
         runs += [Run(m, n, name, path, held_out, plan.seconds) for m in plan.methods for n in plan.counts]
     return solve_runs(runs, plan.jobs, stage("solving"))
@@ -163,8 +163,9 @@ class Row:
         )
 
 
-def _database(path: Path, clips: Sequence[Clip], mirror: bool, progress: Progress) -> MotionDatabase:
+def kept_database(path: Path, clips: Sequence[Clip], mirror: bool, progress: Progress) -> MotionDatabase:
     """The database of these clips; one that stands there from the same clips is opened instead of built."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     made_from = path.with_suffix(".json")
     files = [[str(clip.path.resolve()), clip.path.stat().st_size] for clip in clips]
     recipe = json.dumps({"files": files, "mirror": mirror, "fps": FPS})

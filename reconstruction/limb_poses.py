@@ -142,7 +142,7 @@ def parts(
     A joint belongs to the roles in its subtree, or to its parent's where there are none; the root's turn is the
     trunk's. A part is told by where its roles are, seen from the root; a hand seen from the head too.
     """
-    below = _roles_below(skeleton)
+    below = roles_below(skeleton)
     own: dict[frozenset[int], list[int]] = {below[0]: [3, 5]}
     for number, joint in enumerate(moving):
         own.setdefault(below[joint], []).extend(range(6 + 3 * number, 9 + 3 * number))
@@ -156,7 +156,7 @@ def parts(
     return found
 
 
-def _roles_below(skeleton: Skeleton) -> list[frozenset[int]]:
+def roles_below(skeleton: Skeleton) -> list[frozenset[int]]:
     """Each joint's part, as the roles, but for the root, that hang on it."""
     hanging: list[set[int]] = [set() for _ in range(len(skeleton))]
     for role, name in enumerate(ROLES):
