@@ -288,7 +288,7 @@ class Reconstructor:
             off = np.linalg.norm((expected - frame.positions)[frame.measured], axis=1).mean()
             if off > self.FAR_M:
                 self.start([frame])
-                self._easing.begin()
+                self._easing.begin(held=True)
                 return self._return.eased(frame, None)
         return self._return.eased(frame, expected)
 

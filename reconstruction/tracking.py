@@ -109,15 +109,16 @@ class PoseEasing:
         self._shown: Pose | None = None
         self._way: LiveTransition | None = None
         self._changed = False
+        self._held = False
 
-    def begin(self) -> None:
-        """The next pose does not follow from the last."""
-        self._changed = True
+    def begin(self, held: bool = False) -> None:
+        """The next pose does not follow from the last; held: which stood still."""
+        self._changed, self._held = True, held
 
     def eased(self, pose: Pose) -> Pose:
         """The pose to show for a solved one."""
         if self._changed and self._shown is not None:
-            self._way = LiveTransition(self._shown, None, pose, _BOUNDS)
+            self._way = LiveTransition(self._shown, None, pose, _BOUNDS, self._held)
         self._changed = False
         self._shown = self._stepped(pose)
         return self._shown

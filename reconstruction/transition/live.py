@@ -31,8 +31,10 @@ Target = Callable[[float], Pose]
 class LiveTransition:
     """From the pose shown to a target that may move, one step at a time; a step takes some hundredths of a millisecond.
 
-    shown: the pose last shown, and `before` the one shown before it (None: at rest). target: a pose to come to rest in,
-    or what to follow; a session that solves live gives each new target to `step` instead.
+    shown: the pose last shown, and `before` the one shown before it (None: it goes along with the target). target: a
+    pose to come to rest in, or what to follow; a session that solves live gives each new target to `step` instead.
+    held: whether what was shown stood still, so that its offset is from where it stood to where the target is by now,
+    and what is shown lies between both at every moment.
     """
 
     def __init__(
@@ -41,11 +43,13 @@ class LiveTransition:
         before: Pose | None,
         target: Pose | Target,
         bounds: TimeBounds = LIVE_BOUNDS,
+        held: bool = False,
     ) -> None:
         self._target: Target = target if callable(target) else lambda _: target
+        self._shown, self._held = shown, held
+        self._offset = np.zeros((len(shown.rotations), 3))
         first = self._target(0.0)
-        self._offset = logarithm(multiply(inverse(first.rotations), shown.rotations))
-        self._root_offset = shown.root_position - first.root_position
+        self._take_offset(first)
         self._rate, self._root_rate = self._rates(shown, before, first)
         self.duration_s = self._time(bounds)
         self.elapsed_s = 0.0
@@ -61,11 +65,23 @@ class LiveTransition:
         goal = self._target(self.elapsed_s) if target is None else target
         if self.done:
             return goal
+        if self._held:
+            self._take_offset(goal)
         weights = quintic_weights(np.array([self.elapsed_s]), self.duration_s)[0]
         vectors = weights[0] * self._offset + weights[1] * self._rate
         rotations = turned_by_kernel(np.array(goal.rotations), vectors[None])[0]
         root = goal.root_position + weights[0] * self._root_offset + weights[1] * self._root_rate
         return Pose(goal.time_s, frozen(root), frozen(rotations))
+
+    def _take_offset(self, target: Pose) -> None:
+        """Of what was shown from a target: (J, 3) radians and (3,) metres."""
+        offset = logarithm(multiply(inverse(target.rotations), self._shown.rotations))
+        # A joint that comes past half a turn away goes on the way round that it has begun.
+        angle = np.linalg.norm(offset, axis=-1, keepdims=True)
+        other = offset * (1 - 2 * np.pi / np.maximum(angle, 1e-9))
+        farther = np.linalg.norm(offset - self._offset, axis=-1) > np.linalg.norm(other - self._offset, axis=-1)
+        self._offset = np.where(farther[:, None], other, offset)
+        self._root_offset = self._shown.root_position - target.root_position
 
     def _rates(self, shown: Pose, before: Pose | None, first: Pose) -> tuple[np.ndarray, np.ndarray]:
         """How fast the offsets change as the transition begins: (J, 3) rad/s and (3,) m/s."""

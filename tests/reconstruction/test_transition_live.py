@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from reconstruction.motion import Motion, Pose
 from reconstruction.rotations import exponential, multiply
+from reconstruction.standard_body import standard_skeleton
 from reconstruction.transition import LiveTransition, clip_target, placed_under, prepared
 from reconstruction.transition.clip import angular_accelerations
 from reconstruction.transition.live import LIVE_BOUNDS
@@ -91,3 +92,24 @@ def test_a_single_frame_clip_is_held() -> None:
     shown = motion.pose(4)
     target = clip_target(clip, 0, placed_under(clip.skeleton, shown, clip, 0))
     assert target(5.0).root_position[1] == pytest.approx(motion.root_positions[0, 1])
+
+
+@pytest.mark.parametrize("turn", [0.6, 2.5, 4.0])
+def test_what_was_held_comes_to_a_moving_target_without_going_past_it(turn):
+    skeleton = standard_skeleton(1.75)
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1))
+
+    def target(time_s: float) -> Pose:
+        vector = np.zeros((len(skeleton), 3))
+        vector[:, 1] = turn * np.sin(8 * time_s) + 0.5
+        return Pose(time_s, np.array([time_s, 0.0, 0.0]), exponential(vector))
+
+    live = LiveTransition(Pose(0.0, np.zeros(3), still), None, target, held=True)
+    times = np.arange(1, 100) / 60
+    poses = [live.step(1 / 60) for _ in times]
+    shown = np.unwrap([2 * np.arctan2(*pose.rotations[3, [1, 3]]) for pose in poses])
+    wanted = turn * np.sin(8 * times) + 0.5
+    assert np.all(np.abs(shown) <= np.abs(wanted) + 1e-9) or turn > np.pi
+    assert abs(shown[0]) < 0.01
+    assert np.abs(np.diff(shown)).max() < 1
+    assert poses[-1].root_position[0] == pytest.approx(times[-1])
