@@ -28,16 +28,20 @@ class Belief:
     def __init__(self, past: Iterable[SolvedPose] = ()):
         self.past = deque(past, SPAN)
         self.age = 0
-        self._costs: deque[float] = deque(maxlen=self.COUNTED)
+        self._costs: deque[tuple[float, float]] = deque(maxlen=self.COUNTED)
 
-    def add(self, pose: SolvedPose, cost: float) -> None:
-        """Goes on by a pose that was solved from it at a cost: how implausible the pose is, and how far from the
-        trackers."""
+    def add(self, pose: SolvedPose, implausibility: float, energy: float) -> None:
+        """Goes on by a pose that was solved from it: how implausible that pose is, and its energy as a solution."""
         self.past.append(pose)
-        self._costs.append(cost)
+        self._costs.append((implausibility, energy))
         self.age += 1
 
     @property
+    def implausibility(self) -> float:
+        """Mean over the last frames; infinite before there are any."""
+        return float(np.mean([pose for pose, _ in self._costs])) if self._costs else np.inf
+
+    @property
     def cost(self) -> float:
-        """Mean cost over the last frames; infinite before there are any."""
-        return float(np.mean(self._costs)) if self._costs else np.inf
+        """Mean implausibility and energy together, over the last frames; infinite before there are any."""
+        return float(np.mean([pose + energy for pose, energy in self._costs])) if self._costs else np.inf

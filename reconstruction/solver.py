@@ -163,7 +163,7 @@ class Reconstructor:
 
     def _lost(self, belief: Belief, coverage: float) -> bool:
         """Whether a belief may be wrong as a whole: far from all neighbours, and a pose such as hardly any is."""
-        return coverage > self.LOST and belief.cost > self.space.dof
+        return coverage > self.LOST and belief.implausibility > self.space.dof
 
     def _trial(self, matches: Matches, frames: Sequence[TrackerFrame]) -> tuple[Belief, float]:
         """The belief that a match leads to over a take's first frames, and the coverage there."""
@@ -239,7 +239,7 @@ class Reconstructor:
         solved = perf_counter_ns()
         pose = self.space.pose(found.q, heading, frame.time_s)
         own = self._solved_pose(pose, found.q, heading)
-        belief.add(own, found.energy + self._all_poses.implausibility(own.q))
+        belief.add(own, self._all_poses.implausibility(own.q), found.energy)
         stages = {"prior": predicted - began, "map": solved - predicted}
         return _Explained(pose, prediction, problem, found, heading, measured, moment, stages)
 
@@ -369,7 +369,7 @@ class Reconstructor:
         if not self.settings.relocalise:
             return
         better = self._contested(frame, measurement)
-        lost = self._many(frame) and not self._rivals.waiting and self._lost(self._belief, prediction.coverage)
+        lost = self._many(frame) and self._rivals.wanted and self._lost(self._belief, prediction.coverage)
         if better is None and (lost or 2 <= frame.measured.sum() <= self.FEW):
             found = self._relocaliser.look(self._trackers, self.scale)
             if found is not None and lost:

@@ -40,8 +40,9 @@ def test_a_belief_costs_what_its_last_frames_cost(database):
     belief = Belief()
     assert belief.cost == np.inf
     for cost in range(10):
-        belief.add(None, float(cost))  # type: ignore[arg-type]
-    assert belief.cost == np.mean(range(5, 10))
+        belief.add(None, float(cost), 2.0)  # type: ignore[arg-type]
+    assert belief.implausibility == np.mean(range(5, 10))
+    assert belief.cost == belief.implausibility + 2
     assert belief.age == 10
 
 
@@ -54,11 +55,24 @@ def test_only_other_facings_are_proposed_and_each_is_tried_once(database):
     found = Finding(nothing, match(100, 0.1), (match(100, 0.1), match(230, 2.0), match(420, -3.0)))
     rivals.propose(found, facing=0.0)
     tried = []
-    while rivals.waiting:
+    assert not rivals.wanted
+    for _ in range(2):
         rival = rivals.rival(history, 1.0, lambda at: tried.append(int(at.rows[0])) or Belief())
         assert rival is not None
         while rivals.judged(rival, limit=1.0) is None and rival.age < Belief.TRIAL:
-            rival.add(None, 2.0)  # type: ignore[arg-type]
+            rival.add(None, 1.0, 1.0)  # type: ignore[arg-type]
+    for pause in (Rivals.PAUSE, 2 * Rivals.PAUSE):
+        for _ in range(pause):
+            assert not rivals.wanted
+            assert rivals.rival(history, 1.0, lambda at: Belief()) is None
+        assert rivals.wanted
+        rivals.propose(found, facing=0.0)
+        for _ in range(2):
+            rival = rivals.rival(history, 1.0, lambda at: Belief())
+            assert rival is not None
+            for _ in range(Belief.TRIAL):
+                rival.add(None, 1.0, 1.0)  # type: ignore[arg-type]
+            assert rivals.judged(rival, limit=1.0) is None
     since = [row - first for row, first in zip(tried, (230, 420), strict=True)]
     assert since[0] == 1
     assert since[1] > since[0]
@@ -70,7 +84,7 @@ def test_a_rival_wins_by_its_cost_when_its_trial_is_over(database, cost, wins):
     for age in range(Belief.TRIAL):
         assert rival.age == age
         assert rivals.judged(rival, 1.0) is None
-        rival.add(None, cost)  # type: ignore[arg-type]
+        rival.add(None, cost, 0.0)  # type: ignore[arg-type]
     assert rivals.judged(rival, 1.0) is (rival if wins else None)
 
 
@@ -94,7 +108,7 @@ def test_a_take_that_is_lost_from_its_start_begins_with_the_facing_that_costs_le
 
     def trial(found: Matches, _: list[TrackerFrame]) -> tuple[Belief, float]:
         belief = Belief()
-        belief.add(None, float(np.abs(wrapped(found.heading[2] - true))))  # type: ignore[arg-type]
+        belief.add(None, float(np.abs(wrapped(found.heading[2] - true))), 0.0)  # type: ignore[arg-type]
         return belief, np.inf
 
     monkeypatch.setattr(solver._matcher, "best_of_all", lambda sighting: turned_round(best(sighting)))
