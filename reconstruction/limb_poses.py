@@ -105,9 +105,10 @@ class LimbPoses:
         wanted = (trackers[part.arms[0]] - trackers[part.arms[1]]).ravel()
         squares = part.lengths - part.shapes @ (2 * wanted) + wanted @ wanted
         count = min(s.count, len(squares))
-        near = np.argpartition(squares, (count // 2, count - 1))[:count]
-        typical = max(squares[near[count // 2]], 1e-12)
-        weights = np.exp(-0.5 * s.sharpness * squares[near] / typical)
+        near = np.argpartition(squares, count - 1)[:count]
+        squares = squares[near]
+        typical = max(np.partition(squares, count // 2)[count // 2], 1e-12)
+        weights = np.exp(-0.5 * s.sharpness * squares / typical)
         weights /= weights.sum()
         angles = part.angles[near]
         mean = weights @ angles

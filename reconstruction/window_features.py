@@ -73,14 +73,13 @@ def _history(
 
 def seen_from(points: NDArray, own: NDArray, other: NDArray) -> NDArray[np.float64]:
     """Points (n, P, 3) given in heading frames `own` (n, 3), as seen from the heading frames `other` (n, 3)."""
-    turned = _about_up(points, own[:, 2] - other[:, 2])
-    ground = np.zeros((len(points), 1, 3))
-    ground[:, 0, [0, 2]] = own[:, :2] - other[:, :2]
-    return turned + _about_up(ground, -other[:, 2])
-
-
-def _about_up(points: NDArray, yaw: NDArray) -> NDArray[np.float64]:
-    """Points (n, P, 3) turned by yaw (n,) about +Y."""
-    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    return np.stack((cosine * x + sine * z, y, cosine * z - sine * x), axis=-1)
+    turn, back = own[:, 2] - other[:, 2], other[:, 2]
+    dx, dz = (own[:, :2] - other[:, :2]).astype(np.float64).T
+    cosine, sine = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    c, s = np.cos(back), np.sin(back)
+    x, z = points[..., 0], points[..., 2]
+    out = np.empty(points.shape)
+    out[..., 0] = cosine * x + sine * z + (c * dx - s * dz)[:, None]
+    out[..., 1] = points[..., 1]
+    out[..., 2] = cosine * z - sine * x + (c * dz + s * dx)[:, None]
+    return out
