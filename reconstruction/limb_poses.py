@@ -79,8 +79,7 @@ class LimbPoses:
         rows = np.asarray(database.windows[:: max(1, len(database.windows) // self.SAMPLE)], np.int64)
         headings = np.asarray(database.headings)
         poses = gather(rows, 0, np.asarray(database.poses), headings)
-        frames = headings[rows - 1].astype(np.float64)
-        tracks = scale * seen_from(np.asarray(database.tracks)[rows].astype(np.float64), 0 * frames, frames)
+        tracks = scale * seen_from(np.asarray(database.tracks)[rows], headings[rows], headings[rows - 1])
         self._parts = tuple(
             _part(*part, tracks, poses, all_poses) for part in parts(database.space.skeleton, database.space.moving)
         )

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from devices.sample import ROLES
+from reconstruction.kinematics import world_joints
 from reconstruction.limb_poses import LimbPoses, LimbSettings, parts
 from reconstruction.pose_statistics import PoseStatistics
 from reconstruction.prediction import Observation
@@ -20,8 +21,11 @@ def limbs(database, all_poses):
 
 def observed(database, row: int, measured: np.ndarray | None = None) -> Observation:
     """What trackers read at a row, seen from the heading frame one frame earlier."""
-    frame = database.headings[row - 1].astype(np.float64)[None]
-    trackers = seen_from(database.tracks[row].astype(np.float64)[None], 0 * frame, frame)[0]
+    joints = [database.space.skeleton.role_joint(role) for role in ROLES]
+    motion = database.motion(database.clip_of(row))
+    at = slice(row - database.clip_of(row).first, row - database.clip_of(row).first + 1)
+    world = world_joints(motion.skeleton, motion.root_positions[at], motion.rotations[at])[0][:, joints]
+    trackers = seen_from(world, np.zeros((1, 3)), database.headings[row - 1].astype(np.float64)[None])[0]
     return Observation(trackers) if measured is None else Observation(trackers, measured)
 
 
