@@ -1,8 +1,8 @@
 """Progress bars on the terminal for anything that takes a `devices.progress.Progress`."""
 
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 
 from devices.progress import Progress
 
@@ -24,6 +24,18 @@ def progress_bar(description: str) -> Iterator[Progress]:
     with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(description, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def stage_bars() -> Iterator[Callable[[str], Progress]]:
+    """Gives each named stage a bar of its own; the one before is finished then."""
+    with ExitStack() as bars:
+
+        def stage(name: str) -> Progress:
+            bars.close()
+            return bars.enter_context(progress_bar(name))
+
+        yield stage
 
 
 def tell_all(lines: Iterable[str]) -> None:

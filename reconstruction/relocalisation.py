@@ -22,6 +22,8 @@ class TrackerHistory:
 
     def __init__(self) -> None:
         self._positions: deque[NDArray[np.float64]] = deque(maxlen=int(1 - OFFSETS.min()))
+        self.frames = 0
+        """How many were ever taken in."""
 
     def __len__(self) -> int:
         return len(self._positions)
@@ -29,6 +31,7 @@ class TrackerHistory:
     def add(self, positions: NDArray[np.float64]) -> None:
         """Takes in positions (6, 3) metres, world, NaN where missing."""
         self._positions.append(positions)
+        self.frames += 1
 
     def sighting(self) -> Sighting:
         """The moments of `OFFSETS` that are there."""
@@ -78,7 +81,7 @@ class Relocaliser:
         """Begins a new pass with the next call."""
         self._asked: Sighting | None = None
         self._fits = np.full((2, len(self._rows)), np.inf)
-        self._done, self._age = 0, 0
+        self._done, self._asked_at = 0, 0
 
     def look(self, history: TrackerHistory, scale: float) -> Finding | None:
         """Goes on searching; at the end of a pass, what was found, if anything."""
@@ -87,28 +90,27 @@ class Relocaliser:
         if self._asked is None:
             if len(now.offsets) < len(OFFSETS):
                 return None
-            self._asked = now
+            self._asked, self._asked_at = now, history.frames
         part = slice(self._done, self._done + self.ROWS_A_FRAME)
         self._fits[:, part] = self._matcher.fits(self._asked, self._rows[part])
         self._done += self.ROWS_A_FRAME
         if self._done < len(self._rows):
-            self._age += 1
             return None
-        found = self._conclude(now)
+        found = self._conclude(now, history.frames - self._asked_at)
         self.reset()
         return found
 
-    def _conclude(self, now: Sighting) -> Finding | None:
-        """The best sequels of the pass's best rows, matched against where the trackers are by now."""
+    def _conclude(self, now: Sighting, age: int) -> Finding | None:
+        """The best sequels, `age` frames on, of the pass's best rows, matched against where the trackers are by now."""
         squares, yaw = self._fits
         count = min(self.KEEP, len(squares))
-        best = self._sequel(now, self._rows[np.argpartition(squares, count - 1)[:count]])
+        best = self._sequel(now, self._rows[np.argpartition(squares, count - 1)[:count]] + age)
         if not len(best.rows):
             return None
-        facings = [self._sequel(now, self._rows[[place]]) for place in best_by_direction(squares, yaw)]
+        facings = [self._sequel(now, self._rows[[place]] + age) for place in best_by_direction(squares, yaw)]
         facings = sorted((match for match in facings if len(match.rows)), key=lambda match: match.errors[0])
         return Finding(now, best, tuple(facings))
 
     def _sequel(self, now: Sighting, rows: NDArray[np.int64]) -> Matches:
-        rows = self._matcher.around(rows + self._age, self.AROUND + self._stride // 2)
+        rows = self._matcher.around(rows, self.AROUND + self._stride // 2)
         return self._matcher.best(now, rows, self.KEEP)

@@ -19,8 +19,9 @@ _WORLD = frozen(np.zeros(3))
 class Solution:
     """One solved frame.
 
-    sigma: (J,) radians, standard deviation of each joint's rotation, calibrated: it grows with the distance to the
-        database and with the time since trackers were measured; 0 for joints that never turn.
+    sigma: (J,) radians, standard deviation of each joint's rotation, calibrated: it grows with how far the solution
+        is from what the neighbours expected and with the time since trackers were measured; 0 for joints that never
+        turn.
     coverage: distance to the neighbours over the database's own spacing: about 1 inside the data, more outside.
     states: (6,) int8 of `Footing`: what each role's place stands on.
     stage_ns: nanoseconds by stage.

@@ -1,15 +1,14 @@
 """`sixpoint evaluate tables` and `sixpoint evaluate actions`."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from capture.commands.options import AsJson
-from devices.progress import Progress
+from capture.progress import stage_bars
 
 if TYPE_CHECKING:
     from capture.evaluation import Plan
@@ -56,7 +55,7 @@ def tables(
     from capture.evaluation_report import markdown, tables_of, write_report
 
     plan = _plan(method or METHODS, trackers, clips, seconds, action, mirror, jobs)
-    with _stage_bars() as stage:
+    with stage_bars() as stage:
         experiment = run_experiment(data, out, plan, stage)
     write_report(experiment, out)
     if not as_json:
@@ -96,7 +95,7 @@ def actions(
     from capture.evaluation_report import markdown_without_actions, write_without_actions
 
     plan = _plan(method or ("default",), trackers, clips, seconds, action, mirror, jobs)
-    with _stage_bars() as stage:
+    with stage_bars() as stage:
         scores = run_without_actions(data, out, plan, leave_out or (), stage)
     write_without_actions(scores, out)
     if not as_json:
@@ -114,20 +113,6 @@ def _plan(
 
     pattern = action or ACTION_PATTERN
     return Plan(tuple(methods), tracker_counts(trackers), clips, seconds, pattern, mirror, jobs or os.cpu_count() or 1)
-
-
-@contextmanager
-def _stage_bars() -> Iterator[Callable[[str], Progress]]:
-    """Gives each named stage a bar of its own; the one before is finished then."""
-    from capture.progress import progress_bar
-
-    with ExitStack() as bars:
-
-        def stage(name: str) -> Progress:
-            bars.close()
-            return bars.enter_context(progress_bar(name))
-
-        yield stage
 
 
 def tracker_counts(text: str) -> tuple[int, ...]:

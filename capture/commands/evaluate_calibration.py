@@ -26,17 +26,11 @@ def calibration(
     body with the true offsets: the ideal case. Errors are means over joints (cm) and degrees of freedom (deg).
     """
     import json
-    from contextlib import ExitStack
 
     from capture.calibration_evaluation import GRID, evaluate_calibration, row_of, table_of
-    from capture.progress import progress_bar
+    from capture.progress import stage_bars
 
     grid = [body.with_turns(turns) for body in GRID[:bodies]]
-    with ExitStack() as bars:
-
-        def stage(name: str):
-            bars.close()
-            return bars.enter_context(progress_bar(name))
-
+    with stage_bars() as stage:
         scores = evaluate_calibration(data, out, grid, stage)
     print(json.dumps([row_of(score) for score in scores]) if as_json else table_of(scores))

@@ -26,11 +26,10 @@ def dropouts(
     percentile of the true clip's own: at 1 or less nobody sees it.
     """
     import json
-    from contextlib import ExitStack
     from dataclasses import asdict
 
     from capture.dropout_evaluation import evaluate_dropouts, table_of
-    from capture.progress import progress_bar
+    from capture.progress import stage_bars
     from devices.errors import choice_error
     from devices.sample import ROLES
 
@@ -38,11 +37,6 @@ def dropouts(
     for role in roles:
         if role not in ROLES:
             raise choice_error("tracker role", role, ROLES)
-    with ExitStack() as bars:
-
-        def stage(name: str):
-            bars.close()
-            return bars.enter_context(progress_bar(name))
-
+    with stage_bars() as stage:
         scores = evaluate_dropouts(data, out, roles, gap, clips, seconds, stage)
     print(json.dumps([asdict(score) for score in scores]) if as_json else table_of(scores))

@@ -5,7 +5,7 @@ from devices.frame import TrackerFrame
 from devices.sample import ROLES
 from reconstruction.belief import Belief
 from reconstruction.kinematics import world_joints
-from reconstruction.relocalisation import Finding, TrackerHistory
+from reconstruction.relocalisation import Finding, Relocaliser, TrackerHistory
 from reconstruction.rivals import Rivals
 from reconstruction.rotations import wrapped
 from reconstruction.solver import Reconstructor
@@ -76,6 +76,21 @@ def test_only_other_facings_are_proposed_and_each_is_tried_once(database):
     since = [row - first for row, first in zip(tried, (230, 420), strict=True)]
     assert since[0] == 1
     assert since[1] > since[0]
+
+
+def test_a_pass_with_pauses_finds_where_the_trackers_are_by_now(database, monkeypatch):
+    monkeypatch.setattr(Relocaliser, "ROWS_A_FRAME", len(database) // 4)
+    relocaliser, history = Relocaliser(TrackerMatcher(database)), TrackerHistory()
+    motion = strolling(seed=0)
+    joints = [motion.skeleton.role_joint(role) for role in ROLES]
+    found = []
+    for row, now in enumerate(world_joints(motion.skeleton, motion.root_positions, motion.rotations)[0][:, joints]):
+        history.add(now)
+        if row >= 40 and row % 7 == 0:
+            found.append((row, relocaliser.look(history, 1.0)))
+    row, first = next((row, finding) for row, finding in found if finding is not None)
+    assert row > 40 + 2 * 7
+    assert first.best.rows[0] == row
 
 
 @pytest.mark.parametrize(("cost", "wins"), [(0.5, True), (2.0, False)])
